@@ -1,0 +1,37 @@
+from . import continuum as continuum
+from . import energy as energy
+from . import paper as paper
+from . import plot as plot
+from .basis import Ritz as Ritz
+from .chart import Angles as Angles
+from .chart import Director as Director
+from .chart import Embedded as Embedded
+from .configuration import configure as configure
+from .ensemble import sweep as sweep
+from .force import AbstractForce as AbstractForce
+from .force import PivotFriction as PivotFriction
+from .force import Torque as Torque
+from .identification import Fit as Fit
+from .identification import Positive as Positive
+from .identification import fit as fit
+from .lagrangian import Lagrangian as Lagrangian
+from .modal import frequency_error as frequency_error
+from .modal import natural_frequencies as natural_frequencies
+from .motion import Flight as Flight
+from .motion import Rotation as Rotation
+from .motion import Spherical as Spherical
+from .motion import State as State
+from .result import Result as Result
+from .result import SimulationError as SimulationError
+from .rod import Cone as Cone
+from .rod import Lumped as Lumped
+from .rod import Profile as Profile
+from .rod import Rod as Rod
+from .rod import Uniform as Uniform
+from .simulation import default_chart as default_chart
+from .simulation import default_solver as default_solver
+from .simulation import simulate as simulate
+from .solution import Solution as Solution
+from .system import System as System
+
+__version__: str

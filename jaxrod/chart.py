@@ -1,0 +1,159 @@
+"""Coordinates for the same motion: a chart turns a `State` into generalized coordinates q, v and back.
+
+q holds the coordinates of the director, then those of the strain, then in flight the centre of mass in m.
+"""
+
+import abc
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import energy
+from .basis import Projection
+from .lagrangian import Phase
+from .motion import AbstractMotion, Flight, Placement, State, heading
+
+
+class AbstractChart(eqx.Module):
+    """Coordinates of the director and the strain.
+
+    `counts_turns`: whether q itself tells how many turns were made; if not, the solver counts them step by step, from
+    the angle of the first two coordinates.
+    """
+
+    counts_turns: eqx.AbstractClassVar[bool]
+
+    @abc.abstractmethod
+    def place(self, motion: AbstractMotion, q: Float[Array, " N"]) -> Placement:
+        """The placement of the rod at q."""
+
+    @abc.abstractmethod
+    def encode(self, motion: AbstractMotion, state: State) -> Phase:
+        """q and v of one state."""
+
+    @abc.abstractmethod
+    def kinetic(self, motion: AbstractMotion, body: Projection, q, v) -> Float[Array, ""]:
+        """Kinetic energy in J of turning and stretching."""
+
+    @abc.abstractmethod
+    def turns(self, motion: AbstractMotion, q, counted) -> Float[Array, ""]:
+        """Full turns made, given those that the solver counted."""
+
+    def decode(self, motion: AbstractMotion, q, v, counted=0.0) -> State:
+        """The state at q, v."""
+        place, rate = jax.jvp(lambda q: self.place(motion, q), (q,), (v,))
+        turns = jnp.asarray(jax.lax.stop_gradient(self.turns(motion, q, counted)), q.dtype)
+        return State(
+            place.direction, rate.direction, place.amplitudes, rate.amplitudes, turns, place.center, rate.center
+        )
+
+
+class Angles(AbstractChart):
+    """The paper's coordinates: q = (psi, [phi in space], amplitudes).  Any rung; singular at the pole."""
+
+    counts_turns = True
+
+    def place(self, motion, q):
+        angles, amplitudes, center = _parts(motion, q, motion.dimension - 1)
+        flat = jnp.cos(angles[0])
+        if motion.dimension == 2:
+            return Placement(jnp.stack([flat, jnp.sin(angles[0])]), amplitudes, center)
+        direction = jnp.stack([flat * jnp.cos(angles[1]), flat * jnp.sin(angles[1]), jnp.sin(angles[0])])
+        return Placement(direction, amplitudes, center)
+
+    def encode(self, motion, state):
+        if motion.dimension == 2:
+            angles, rates = state.angle[None], state.rate[None]
+        else:
+            angles = jnp.stack([state.angle, state.azimuth])
+            rates = jnp.stack([state.rate, state.azimuth_rate])
+        return _join(state, angles, rates, state.amplitudes, state.amplitude_rates)
+
+    def kinetic(self, motion, body, q, v):
+        angles, a, _ = _parts(motion, q, motion.dimension - 1)
+        rates, da, _ = _parts(motion, v, motion.dimension - 1)
+        if motion.dimension == 2:
+            return energy.kinetic_rotation(body, a, da, rates[0])
+        return energy.kinetic_spherical(body, a, da, angles[0], rates[0], rates[1])
+
+    def turns(self, motion, q, counted):
+        del counted
+        # Past the pole (cos psi < 0) the rod points to the azimuth phi + pi.
+        angle = q[0] if motion.dimension == 2 else q[1] + jnp.pi * (jnp.cos(q[0]) < 0)
+        return jnp.round((angle - heading(self.place(motion, q).direction)) / (2 * jnp.pi))
+
+
+class Embedded(AbstractChart):
+    """q = (1 + eps) d, for uniform strain: the rod is a swinging spring, its kinetic energy flat, no pole anywhere.
+
+    The strain is |q| - 1, so it carries an absolute error of one rounding of 1.  The only singular point is q = 0.
+    """
+
+    counts_turns = False
+
+    def place(self, motion, q):
+        q, _, center = _parts(motion, q, motion.dimension)
+        stretch = jnp.sqrt(q @ q)
+        return Placement(q / stretch, stretch[None] - 1, center)
+
+    def encode(self, motion, state):
+        if state.amplitudes.shape != (1,):
+            raise ValueError(
+                f"chart=Embedded() needs one uniform strain but the basis has {state.amplitudes.shape[0]}; take "
+                "basis=Ritz(1) or chart=Director()."
+            )
+        stretch, stretching = 1 + state.amplitudes[0], state.amplitude_rates[0]
+        none = state.amplitudes[:0]
+        velocity = stretching * state.direction + stretch * state.direction_rate
+        return _join(state, stretch * state.direction, velocity, none, none)
+
+    def kinetic(self, motion, body, q, v):
+        return energy.kinetic_embedded(body, _parts(motion, v, motion.dimension)[0])
+
+    def turns(self, motion, q, counted):
+        return counted
+
+
+class Director(AbstractChart):
+    """q = (y, amplitudes) with the director d = y / |y|: any rung, no pole.
+
+    |y| is a gauge: it enters no energy but a kinetic term of its own, 1/2 M_00 (d/dt ln |y|)^2, which keeps the mass
+    matrix positive.  The gauge decouples, and its momentum, zero at the start, stays zero.
+    """
+
+    counts_turns = False
+
+    def place(self, motion, q):
+        y, amplitudes, center = _parts(motion, q, motion.dimension)
+        return Placement(y / jnp.sqrt(y @ y), amplitudes, center)
+
+    def encode(self, motion, state):
+        return _join(state, state.direction, state.direction_rate, state.amplitudes, state.amplitude_rates)
+
+    def kinetic(self, motion, body, q, v):
+        y, a, _ = _parts(motion, q, motion.dimension)
+        dy, da, _ = _parts(motion, v, motion.dimension)
+        square = y @ y
+        growth = (y @ dy) / square
+        dd = (dy - growth * y) / jnp.sqrt(square)
+        return energy.kinetic_director(body, a, da, dd) + body.mass_matrix[0, 0] * growth**2 / 2
+
+    def turns(self, motion, q, counted):
+        return counted
+
+
+def _parts(motion: AbstractMotion, q, size: int):
+    """q cut into `size` coordinates of the director, the strain amplitudes, and in flight the centre of mass."""
+    if isinstance(motion, Flight):
+        return q[:size], q[size : -motion.dimension], q[-motion.dimension :]
+    return q[:size], q[size:], None
+
+
+def _join(state: State, director, director_rate, amplitudes, amplitude_rates) -> Phase:
+    q, v = [director, amplitudes], [director_rate, amplitude_rates]
+    if state.center is not None:
+        q.append(state.center)
+        v.append(state.center_velocity)
+    return Phase(jnp.concatenate(q), jnp.concatenate(v))

@@ -1,0 +1,68 @@
+"""What is asked of every number a user gives.
+
+A refusal is one sentence that names the argument, its value and the remedy.  Values under a JAX transformation are
+not known yet and pass: `simulate` answers them with the result code `invalid`.
+"""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Inexact
+
+
+def known(value: Any) -> bool:
+    """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
+    return not isinstance(value, jax.core.Tracer)
+
+
+def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array, "..."]:
+    """`value` as a floating-point array of the given shape, finite where that is known.
+
+    An array keeps its type.  A Python number stays weakly typed: beside a float32 array it computes in float32.
+    """
+    try:
+        array = jnp.asarray(value)
+        array = array if jnp.issubdtype(array.dtype, jnp.inexact) else array * 1.0
+    except (TypeError, ValueError):
+        raise ValueError(f"{name}={value!r} is not a number; give a real number in SI units.") from None
+    if array.shape != shape:
+        wanted = "one number" if shape == () else f"an array of shape {shape}"
+        raise ValueError(
+            f"{name} has shape {array.shape} but must be {wanted}; to run many scenes, map over them with jax.vmap or "
+            "jaxrod.sweep."
+        )
+    if jnp.issubdtype(array.dtype, jnp.complexfloating):
+        raise ValueError(f"{name}={value!r} is complex; give a real number in SI units.")
+    if known(array) and not np.all(np.isfinite(array)):
+        raise ValueError(f"{name}={shown(array)} is not finite; give a finite number in SI units.")
+    return array
+
+
+def positive(name: str, value: Any, unit: str) -> Float[Array, ""]:
+    """A number above zero."""
+    array = number(name, value)
+    if known(array) and not array > 0:
+        raise ValueError(f"{name}={shown(array)} must be positive; give it in {unit}.")
+    return array
+
+
+def not_negative(name: str, value: Any, unit: str) -> Float[Array, ""]:
+    """A number that may be zero but not below it."""
+    array = number(name, value)
+    if known(array) and not array >= 0:
+        raise ValueError(f"{name}={shown(array)} must not be negative; give it in {unit}.")
+    return array
+
+
+def float_type(*trees: Any) -> jnp.dtype:
+    """The type that JAX's promotion gives all numbers of these pytrees together."""
+    leaves = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array | np.ndarray | float)]
+    return jnp.result_type(float, *leaves)
+
+
+def shown(value: Any) -> str:
+    """A value as it is written in an error message."""
+    array = np.asarray(value)
+    return f"{array:.6g}" if array.ndim == 0 else np.array2string(array, precision=6, threshold=8)

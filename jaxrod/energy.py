@@ -1,0 +1,50 @@
+"""Energies, each a pure function of generalized coordinates and rates that reads like its formula.
+
+`body` is the rod's `Projection`; a and da are the strain amplitudes and their rates (n,).  All in J.
+Equation numbers are those of Vikhrenko, Lasovsky, Tishevich (2013).
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .basis import Projection
+
+
+def kinetic_rotation(body: Projection, a, da, dpsi) -> Float[Array, ""]:
+    """(4): K = 1/2 I (1 + eps)^2 psi'^2 + 1/2 I eps'^2."""
+    return body.inertia(a) * dpsi**2 / 2 + da @ body.strain_mass @ da / 2
+
+
+def kinetic_spherical(body: Projection, a, da, psi, dpsi, dphi) -> Float[Array, ""]:
+    """(8): K = 1/2 I eps'^2 + 1/2 I (1 + eps)^2 psi'^2 + 1/2 I (1 + eps)^2 phi'^2 cos^2 psi."""
+    return body.inertia(a) * (dpsi**2 + dphi**2 * jnp.cos(psi) ** 2) / 2 + da @ body.strain_mass @ da / 2
+
+
+def kinetic_director(body: Projection, a, da, dd) -> Float[Array, ""]:
+    """(4) and (8) without angles: K = 1/2 z^T M z |d'|^2 + 1/2 a'^T M_aa a', for the director's rate d' (D,)."""
+    return body.inertia(a) * (dd @ dd) / 2 + da @ body.strain_mass @ da / 2
+
+
+def kinetic_embedded(body: Projection, dq) -> Float[Array, ""]:
+    """(4) and (8) in q = (1 + eps) d, where they are flat: K = 1/2 I |q'|^2."""
+    return body.mass_matrix[0, 0] * (dq @ dq) / 2
+
+
+def kinetic_center(mass, dcenter) -> Float[Array, ""]:
+    """The first term of (6): 1/2 m v_C^2."""
+    return mass * (dcenter @ dcenter) / 2
+
+
+def elastic(body: Projection, a) -> Float[Array, ""]:
+    """The strain energy behind (15): 1/2 c l0^2 eps^2, in general 1/2 a^T K a."""
+    return a @ body.stiffness_matrix @ a / 2
+
+
+def gravity_pivoted(body: Projection, g, a, d) -> Float[Array, ""]:
+    """(15), corrected: V = m g x_C (1 + eps) sin psi, zero at the pivot.  (The paper writes l0/2 for x_C.)"""
+    return g * body.moment(a) * d[-1]
+
+
+def gravity_center(mass, g, center) -> Float[Array, ""]:
+    """Weight of a rod in flight: V = m g y_C, zero at the origin."""
+    return mass * g * center[-1]

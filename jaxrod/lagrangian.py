@@ -1,0 +1,86 @@
+"""Lagrange's equations from a Lagrangian, by automatic differentiation.  Knows no rods.
+
+    d/dt (dL/dv) = dL/dq + Q      with momentum p = dL/dv and mass matrix M = dp/dv:
+    M v' = dL/dq + Q - dp/dt|_v - (dp/dq) v
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+_UNROLLED = 6  # up to this size a Cholesky solve written out is faster on CPUs than a LAPACK call
+
+
+class Phase(NamedTuple):
+    """Generalized coordinates q (N,) and velocities v (N,)."""
+
+    q: Float[Array, "*batch N"]
+    v: Float[Array, "*batch N"]
+
+
+class Lagrangian(eqx.Module):
+    """A mechanical system that is nothing but its Lagrangian.
+
+    **Arguments:** `function`, (t, q, v) -> L in J, of coordinates q and velocities v of shape (N,), with a positive
+    definite mass matrix d^2 L / dv^2; and `force`, (t, q, v) -> generalized forces (N,), or None.
+
+    >>> import jax.numpy as jnp, jaxrod
+    >>> pendulum = jaxrod.Lagrangian(lambda t, q, v: v @ v / 2 + jnp.cos(q[0]))
+    >>> print(pendulum.acceleration(0.0, jnp.array([jnp.pi / 2]), jnp.zeros(1)))
+    [-1.]
+    """
+
+    function: Callable[..., Float[Array, ""]]
+    force: Callable[..., Float[Array, " N"]] | None
+
+    def __init__(self, function, force=None):
+        self.function = _carried(function)
+        self.force = None if force is None else _carried(force)
+
+    def momentum(self, t, q, v) -> Float[Array, " N"]:
+        """p = dL/dv."""
+        return jax.grad(self.function, argnums=2)(t, q, v)
+
+    def mass_matrix(self, t, q, v) -> Float[Array, "N N"]:
+        """M = d^2 L / dv^2."""
+        return jax.jacfwd(self.momentum, argnums=2)(t, q, v)
+
+    def acceleration(self, t, q, v) -> Float[Array, " N"]:
+        """v' from Lagrange's equations."""
+        push = jax.grad(self.function, argnums=1)(t, q, v)
+        if self.force is not None:
+            push = push + self.force(t, q, v)
+        t = jnp.asarray(t, dtype=q.dtype)
+        _, carried = jax.jvp(lambda t, q: self.momentum(t, q, v), (t, q), (jnp.ones_like(t), v))
+        return _solve_positive(self.mass_matrix(t, q, v), push - carried)
+
+    def energy(self, t, q, v) -> Float[Array, ""]:
+        """H = p v - L, in J."""
+        return self.momentum(t, q, v) @ v - self.function(t, q, v)
+
+
+def _solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Float[Array, " N"]:
+    """x with matrix @ x = right, for a symmetric positive definite matrix, by Cholesky's factorisation."""
+    size = right.shape[0]
+    if size > _UNROLLED:
+        return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
+    lower = [[right[0]] * size for _ in range(size)]
+    for i in range(size):
+        for j in range(i + 1):
+            rest = matrix[i, j] - sum(lower[i][k] * lower[j][k] for k in range(j))
+            lower[i][j] = jnp.sqrt(rest) if i == j else rest / lower[j][j]
+    x = [right[i] for i in range(size)]
+    for i in range(size):
+        x[i] = (x[i] - sum(lower[i][k] * x[k] for k in range(i))) / lower[i][i]
+    for i in reversed(range(size)):
+        x[i] = (x[i] - sum(lower[k][i] * x[k] for k in range(i + 1, size))) / lower[i][i]
+    return jnp.stack(x)
+
+
+def _carried(function: Callable) -> Callable:
+    """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
+    return function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)

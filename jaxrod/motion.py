@@ -1,0 +1,152 @@
+"""How the rod is held, and the state of its motion.
+
+Axes: in the plane x is horizontal and y up; in space x and y are horizontal and z up.  The director d is the unit
+vector along the rod from root to tip; angles are measured above the horizontal.
+"""
+
+import abc
+from typing import ClassVar, NamedTuple
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import checks
+
+
+class AbstractMotion(eqx.Module):
+    """What holds the rod.  `dimension` is that of the space the director lives in."""
+
+    dimension: eqx.AbstractClassVar[int]
+
+
+class Rotation(AbstractMotion):
+    """Turning about a fixed horizontal axis through the rod: equation (4).
+
+    **Arguments:** `pivot`, distance of the axis from the root in m (0: the rod hangs on its root).
+    """
+
+    pivot: Float[Array, ""]
+    dimension: ClassVar[int] = 2
+
+    def __init__(self, pivot=0.0):
+        self.pivot = checks.not_negative("Rotation(pivot=)", pivot, "metres from the root")
+
+
+class Spherical(AbstractMotion):
+    """Turning in space about a fixed point of the rod: equation (8).
+
+    **Arguments:** `pivot`, distance of the fixed point from the root in m.
+    """
+
+    pivot: Float[Array, ""]
+    dimension: ClassVar[int] = 3
+
+    def __init__(self, pivot=0.0):
+        self.pivot = checks.not_negative("Spherical(pivot=)", pivot, "metres from the root")
+
+
+class Flight(AbstractMotion):
+    """Free motion in a vertical plane: equation (6).  The centre of mass decouples; gravity acts on it alone."""
+
+    dimension: ClassVar[int] = 2
+
+
+class Placement(NamedTuple):
+    """Where the rod is: director (D,), strain amplitudes (n,), and in flight the centre of mass (D,) in m.
+
+    Also used for its rate of change, and for a virtual one.
+    """
+
+    direction: Float[Array, " D"]
+    amplitudes: Float[Array, " n"]
+    center: Float[Array, " D"] | None
+
+
+class State(eqx.Module):
+    """Position and velocity of a rod, free of coordinates and solvers.  Leading axes, if any, are times or scenes.
+
+    `direction` (..., D) and its rate (1/s); `amplitudes` (..., n) of the strain and their rates (1/s); `turns` (...),
+    full turns made by the angle (in space: by the azimuth); in flight `center` and `center_velocity` (..., D) of the
+    centre of mass in m and m/s.
+    """
+
+    direction: Float[Array, "*batch D"]
+    direction_rate: Float[Array, "*batch D"]
+    amplitudes: Float[Array, "*batch n"]
+    amplitude_rates: Float[Array, "*batch n"]
+    turns: Float[Array, "*batch"]
+    center: Float[Array, "*batch D"] | None = None
+    center_velocity: Float[Array, "*batch D"] | None = None
+
+    @property
+    def planar(self) -> bool:
+        """Whether the director lives in a plane."""
+        return self.direction.shape[-1] == 2
+
+    @property
+    def angle(self) -> Float[Array, "*batch"]:
+        """Angle above the horizontal in rad: counted over all turns in the plane, in [-pi/2, pi/2] in space."""
+        if self.planar:
+            return heading(self.direction) + 2 * jnp.pi * self.turns
+        return jnp.arctan2(self.direction[..., 2], _horizontal(self.direction)[1])
+
+    @property
+    def rate(self) -> Float[Array, "*batch"]:
+        """Rate of `angle` in rad/s."""
+        d, rate = self.direction, self.direction_rate
+        if self.planar:
+            return d[..., 0] * rate[..., 1] - d[..., 1] * rate[..., 0]
+        outward, cos = _horizontal(d)
+        return cos * rate[..., 2] - d[..., 2] * jnp.sum(outward * rate[..., :2], axis=-1)
+
+    @property
+    def azimuth(self) -> Float[Array, "*batch"]:
+        """Angle about the vertical in rad, counted over all turns; undefined at the pole.  In space only."""
+        self._in_space("azimuth")
+        return heading(self.direction) + 2 * jnp.pi * self.turns
+
+    @property
+    def azimuth_rate(self) -> Float[Array, "*batch"]:
+        """Rate of `azimuth` in rad/s; zero at the pole, where it is undefined.  In space only."""
+        self._in_space("azimuth_rate")
+        d, rate = self.direction, self.direction_rate
+        square = d[..., 0] ** 2 + d[..., 1] ** 2
+        polar = square == 0
+        return jnp.where(
+            polar, 0.0, (d[..., 0] * rate[..., 1] - d[..., 1] * rate[..., 0]) / jnp.where(polar, 1.0, square)
+        )
+
+    @property
+    def strain(self) -> Float[Array, "*batch"]:
+        """Elongation over length (zero for a rigid rod)."""
+        return self.amplitudes[..., 0] if self.amplitudes.shape[-1] else jnp.zeros_like(self.turns)
+
+    @property
+    def strain_rate(self) -> Float[Array, "*batch"]:
+        """Rate of `strain` in 1/s."""
+        return self.amplitude_rates[..., 0] if self.amplitude_rates.shape[-1] else jnp.zeros_like(self.turns)
+
+    def _in_space(self, name: str) -> None:
+        if self.planar:
+            raise AttributeError(f"{name} belongs to Spherical motion; in the plane ask for angle and rate.")
+
+
+def heading(direction: Float[Array, "*batch D"]) -> Float[Array, "*batch"]:
+    """Angle in (-pi, pi] of the first two components; zero (with zero gradient) where both vanish."""
+    polar = (direction[..., 0] == 0) & (direction[..., 1] == 0)
+    return jnp.arctan2(direction[..., 1], jnp.where(polar, 1.0, direction[..., 0]))
+
+
+def _horizontal(direction: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch"]]:
+    """Unit vector and length of the horizontal part; at the pole, where it has none, the x axis and zero.
+
+    The inner `where` keeps the gradient of the square root finite at the pole.
+    """
+    flat = direction[..., :2]
+    square = jnp.sum(flat**2, axis=-1)
+    polar = square == 0
+    length = jnp.where(polar, 0.0, jnp.sqrt(jnp.where(polar, 1.0, square)))
+    x_axis = jnp.zeros_like(flat).at[..., 0].set(1.0)
+    unit = jnp.where(polar[..., None], x_axis, flat / jnp.where(polar, 1.0, length)[..., None])
+    return unit, length

@@ -1,0 +1,125 @@
+"""What a run returns."""
+
+from collections.abc import Callable
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from . import checks
+from .lagrangian import Lagrangian
+from .motion import State
+from .result import Result
+from .system import System
+
+
+class Solution(eqx.Module):
+    """A run: times, states and how it ended.  Leading axes (T, ...) are times; under `vmap` scenes come before them.
+
+    `ts` (T,) in s; `states`, a `State` with leading axis T (for a `Lagrangian` a pair q, v; with `SaveAt(fn=)` what it
+    returned); `result`, a code of `Result`; `stats`, counts of steps and `t_end`, the time in s the run reached;
+    `method`, solver and coordinates.  What the run did not reach is NaN.
+    """
+
+    ts: Float[Array, "*scenes T"]
+    states: Any
+    result: Result
+    stats: dict[str, Array]
+    system: System | Lagrangian
+    method: str = eqx.field(static=True)
+
+    @property
+    def ok(self) -> Bool[Array, "*scenes"]:
+        """Whether the run reached its end."""
+        return self.result == Result.ok
+
+    @property
+    def angle(self) -> Float[Array, "*scenes T"]:
+        """Angle above the horizontal in rad; in the plane counted over all turns."""
+        return self.states.angle
+
+    @property
+    def rate(self) -> Float[Array, "*scenes T"]:
+        """Rate of `angle` in rad/s."""
+        return self.states.rate
+
+    @property
+    def azimuth(self) -> Float[Array, "*scenes T"]:
+        """Angle about the vertical in rad, counted over all turns; in space only."""
+        return self.states.azimuth
+
+    @property
+    def azimuth_rate(self) -> Float[Array, "*scenes T"]:
+        """Rate of `azimuth` in rad/s; in space only."""
+        return self.states.azimuth_rate
+
+    @property
+    def director(self) -> Float[Array, "*scenes T D"]:
+        """Unit vector along the rod."""
+        return self.states.direction
+
+    @property
+    def strain(self) -> Float[Array, "*scenes T"]:
+        """Elongation over length."""
+        return self.states.strain
+
+    @property
+    def strain_rate(self) -> Float[Array, "*scenes T"]:
+        """Rate of `strain` in 1/s."""
+        return self.states.strain_rate
+
+    @property
+    def center(self) -> Float[Array, "*scenes T D"] | None:
+        """Centre of mass in m, in flight; else None."""
+        return self.states.center
+
+    @property
+    def tip(self) -> Float[Array, "*scenes T D"]:
+        """Position of the tip in m."""
+        return self._each(lambda system, t, state: system.tip(state))
+
+    @property
+    def energy(self) -> Float[Array, "*scenes T"]:
+        """T + V in J."""
+        if isinstance(self.system, Lagrangian):
+            return self._each(lambda system, t, phase: system.energy(t, *phase))
+        return self._each(lambda system, t, state: system.energy(state))
+
+    @property
+    def angular_momentum(self) -> Float[Array, "*scenes T"] | Float[Array, "*scenes T 3"]:
+        """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s."""
+        return self._each(lambda system, t, state: system.angular_momentum(state))
+
+    def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
+        """Positions in m of the material points s (m)."""
+        return self._each(lambda system, t, state: system.shape(state, s))
+
+    def _each(self, quantity: Callable) -> Array:
+        """A quantity of (system, t, state) at every time of every scene."""
+        over = jax.vmap(quantity, in_axes=(None, 0, 0))
+        for _ in range(self.ts.ndim - 1):
+            over = jax.vmap(over)
+        return over(self.system, self.ts, self.states)
+
+    def complaint(self) -> str:
+        """One sentence on how a run ended that did not reach its end."""
+        bad = ~np.atleast_1d(self.ok)
+        t_end = np.atleast_1d(self.stats["t_end"])[bad][0]
+        where = f"at t={t_end:.9g} s" if bad.size == 1 else f"in {bad.sum()} of {bad.size} scenes"
+        return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
+
+    def __str__(self):
+        if not checks.known(self.ts) or self.ts.ndim > 1:
+            return f"Solution of {self.ts.shape[0]} scenes by {self.method}"
+        lines = [
+            f"{self.ts.size} times to t = {self.stats['t_end']:.6g} s by {self.method}, {self.stats['num_steps']} steps: "
+            f"{Result[self.result]}"
+        ]
+        if isinstance(self.states, State):
+            for name, unit in (("angle", "rad"), ("strain", ""), ("energy", "J")):
+                values = getattr(self, name)
+                lines.append(f"{name:>8}: {jnp.nanmin(values):.6g} .. {jnp.nanmax(values):.6g} {unit}".rstrip())
+        return "\n".join(lines)
