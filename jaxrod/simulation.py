@@ -163,7 +163,7 @@ def _integrate(
     raw = diffrax.diffeqsolve(
         terms, solver, t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=stepsize_controller, adjoint=adjoint,
-        event=_events(event, decode, strains), max_steps=max_steps, throw=False,
+        event=_events(event, decode, strains, t1.dtype), max_steps=max_steps, throw=False,
         progress_meter=progress_meter,
     )  # fmt: skip
 
@@ -241,7 +241,8 @@ def _natural_rate(system: System, start: State, duration) -> Float[Array, ""]:
 
 
 def _least_step(duration):
-    return 1e-12 * duration if duration.dtype == jnp.float64 else 1e-6 * duration
+    """Far below any step that a save time may cut off, so that only a singular motion gets there."""
+    return 1e-2 * jnp.finfo(duration.dtype).eps * duration
 
 
 def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
@@ -258,7 +259,7 @@ def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
     return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
 
 
-def _events(event: diffrax.Event | None, decode, strains: bool) -> diffrax.Event:
+def _events(event: diffrax.Event | None, decode, strains: bool, dtype) -> diffrax.Event:
     """What ends every run, as one number that falls through zero, beside the user's event."""
 
     def margin(t, y, args, **_):
@@ -266,10 +267,12 @@ def _events(event: diffrax.Event | None, decode, strains: bool) -> diffrax.Event
         if strains:
             strain = decode(y).amplitudes
             room = jnp.minimum(jnp.min(strain) - _COLLAPSED, 1 - jnp.max(jnp.abs(strain)) / _DIVERGED)
-        return jnp.where(_finite(y), room, -1.0)
+        # In JAX's default type, whatever the run's: Diffrax compares it with a literal.
+        return jnp.where(_finite(y), room, -1.0).astype(float)
 
     if event is None:
-        return diffrax.Event(margin, optx.Bisection(rtol=1e-13, atol=1e-15), direction=False)
+        rounding = 64 * float(jnp.finfo(dtype).eps)
+        return diffrax.Event(margin, optx.Bisection(rtol=rounding, atol=rounding, flip=True), direction=False)
 
     def on_state(condition):
         return lambda t, y, args, **rest: condition(t, decode(y), args, **rest)
@@ -294,7 +297,7 @@ def _result(raw: diffrax.Solution, end, valid, user_event: bool) -> Any:
     stopped = raw.event_mask["margin"] if user_event else raw.event_mask
     why = Result.where(jnp.max(jnp.abs(strain), initial=0.0) > 0.5 * _DIVERGED, Result.diverged, Result.collapsed)
     why = Result.where(finite, why, Result.non_finite)
-    code = Result.where(stopped & (result == codes.event_occurred), why, code)
+    code = Result.where(stopped, why, code)
     return Result.where(jnp.asarray(valid), code, Result.invalid)
 
 

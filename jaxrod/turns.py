@@ -29,6 +29,16 @@ class CountTurns(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     def interpolation_cls(self) -> Any:
         return jax.tree_util.Partial(_TurnInterpolation, self.solver.interpolation_cls)
 
+    # Diffrax sets these two on the solver itself, by the adjoint and by the step size control.
+
+    @property
+    def scan_kind(self) -> Any:
+        return self.solver.scan_kind
+
+    @property
+    def root_finder(self) -> Any:
+        return self.solver.root_finder
+
     def order(self, terms):
         return self.solver.order(terms[0])
 

@@ -1,0 +1,29 @@
+import os
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import jaxrod
+
+jaxrod.configure()  # before anything else touches JAX
+
+import jax  # noqa: E402
+import pytest  # noqa: E402
+
+FIGURE_2 = {"length": 1.0, "young": 1e7, "density": 1200.0}
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _rank_promotion():
+    """A broadcast that nobody meant is an error."""
+    jax.config.update("jax_numpy_rank_promotion", "raise")
+
+
+@pytest.fixture(scope="session")
+def cone() -> "jaxrod.Rod":
+    """The paper's rod, thin end held."""
+    return jaxrod.Rod(section=jaxrod.Cone(root_radius=0.02, tip_radius=0.03), **FIGURE_2)
+
+
+@pytest.fixture(scope="session")
+def uniform() -> "jaxrod.Rod":
+    return jaxrod.Rod(section=jaxrod.Uniform(radius=0.025), **FIGURE_2)
