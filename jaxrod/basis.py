@@ -69,7 +69,9 @@ class Ritz(eqx.Module):
         if isinstance(rod, Lumped):
             ones = jnp.ones(self.n + 1, dtype=rod.inertia.dtype)
             return Projection(
-                rod.inertia * jnp.outer(ones, ones), rod.stiffness * jnp.outer(ones, ones)[1:, 1:], rod.first_moment * ones
+                rod.inertia * jnp.outer(ones, ones),
+                rod.stiffness * jnp.outer(ones, ones)[1:, 1:],
+                rod.first_moment * ones,
             )
         s, _ = rod.quadrature()
         phi, strain = self.shapes(s, jnp.asarray(about)), self.strains(s)

@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -33,7 +32,9 @@ def sweep(fn: Callable[[PyTree[Array]], PyTree[Array]], inputs: PyTree[Array], *
     """
     sizes = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(inputs)}
     if len(sizes) != 1 or sizes == {()}:
-        raise ValueError(f"inputs have leading axes {sorted(sizes)}; give arrays of one common length, one entry a scene.")
+        raise ValueError(
+            f"inputs have leading axes {sorted(sizes)}; give arrays of one common length, one entry a scene."
+        )
     if block < 1:
         raise ValueError(f"block={block} must be a positive whole number of scenes.")
     out = _blocks(fn, jax.tree.map(jnp.asarray, inputs), block)

@@ -1,7 +1,7 @@
 """Lagrange's equations from a Lagrangian, by automatic differentiation.  Knows no rods.
 
-    d/dt (dL/dv) = dL/dq + Q      with momentum p = dL/dv and mass matrix M = dp/dv:
-    M v' = dL/dq + Q - dp/dt|_v - (dp/dq) v
+d/dt (dL/dv) = dL/dq + Q      with momentum p = dL/dv and mass matrix M = dp/dv:
+M v' = dL/dq + Q - dp/dt|_v - (dp/dq) v
 """
 
 from collections.abc import Callable

@@ -4,7 +4,6 @@ Axes: in the plane x is horizontal and y up; in space x and y are horizontal and
 vector along the rod from root to tip; angles are measured above the horizontal.
 """
 
-import abc
 from typing import ClassVar, NamedTuple
 
 import equinox as eqx

@@ -144,7 +144,9 @@ class Rod(eqx.Module):
         self.length = checks.positive("length", length, "metres")
         self.young = young = checks.positive("young", young, "pascals (rubber about 1e7, steel 2e11)")
         self.density = density = checks.positive("density", density, "kg/m^3")
-        self.section = section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
+        self.section = (
+            section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
+        )
         if checks.known(young) and checks.known(density) and self.wave_speed > _FASTEST_SOLID:
             warnings.warn(
                 f"wave speed sqrt(young/density) = {self.wave_speed:.3g} m/s is beyond any solid (diamond 1.8e4 m/s): "

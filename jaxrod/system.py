@@ -51,7 +51,9 @@ class System(eqx.Module):
                 raise ValueError(f"{name}={value!r} is not a {name}; give an instance such as {_EXAMPLES[name]}.")
         for force in self.forces:
             if not isinstance(force, AbstractForce):
-                raise ValueError(f"forces holds {force!r}, which is not a force; give Torque, PivotFriction or your own.")
+                raise ValueError(
+                    f"forces holds {force!r}, which is not a force; give Torque, PivotFriction or your own."
+                )
             force.check(motion)
         self._check_support()
 
@@ -65,7 +67,9 @@ class System(eqx.Module):
             pivot = self.motion.pivot
             if checks.known(pivot) and checks.known(self.rod.length):
                 if pivot > self.rod.length:
-                    raise ValueError(f"pivot={pivot:.6g} lies beyond the rod; it must be within length={self.rod.length:.6g} m.")
+                    raise ValueError(
+                        f"pivot={pivot:.6g} lies beyond the rod; it must be within length={self.rod.length:.6g} m."
+                    )
                 if checks.known(area := self.rod.area(pivot)) and not area > 0:
                     raise ValueError(
                         f"pivot={pivot:.6g} m is where the section vanishes, and a pin at a point holds nothing; move the "

@@ -1,0 +1,185 @@
+"""One compiled run: a scene in coordinates, stepped by Diffrax, ended by events, decoded into states."""
+
+from typing import Any
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float, PyTree
+
+from .lagrangian import Lagrangian, Phase
+from .motion import Flight, State
+from .result import Result
+from .solution import Solution
+from .system import System
+from .tracking import Tracked, Tracking
+
+_COLLAPSED = -1 + 1e-6
+_DIVERGED = 1e6
+
+
+@eqx.filter_jit
+def integrate(
+    system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
+    progress_meter, max_steps,
+):  # fmt: skip
+    lagrangian = system if chart is None else system.lagrangian(chart)
+    strains = chart is not None and system.basis.n > 0
+    y0 = Tracked(
+        phase=start if chart is None else chart.encode(system.motion, start),
+        remainder=None,
+        turns=None if chart is None or chart.counts_turns else start.turns,
+    )
+    if t0.dtype == jnp.float32:
+        y0 = y0._replace(remainder=jax.tree.map(jnp.zeros_like, y0.phase))
+    terms = Tracked(diffrax.ODETerm(_Flow(lagrangian)), diffrax.ODETerm(_idle), diffrax.ODETerm(_idle))
+
+    def decode(y):
+        if chart is None:
+            return y.phase
+        return chart.decode(system.motion, y.phase.q, y.phase.v, 0.0 if y.turns is None else y.turns)
+
+    if n_steps is not None:
+        stepsize_controller = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
+    elif stepsize_controller is None and dt0 is not None:
+        stepsize_controller = diffrax.ConstantStepSize()
+    elif stepsize_controller is None:
+        stepsize_controller = _adaptive(system, start, y0, t1 - t0, atol)
+        if ts is not None:  # what is saved is the end of a step: interpolation would cost digits at tight tolerances
+            stepsize_controller = diffrax.ClipStepSizeController(stepsize_controller, step_ts=ts)
+
+    raw = diffrax.diffeqsolve(
+        terms, Tracking(solver), t0, t1, dt0, y0,
+        saveat=_saveat(saveat, ts, decode), stepsize_controller=stepsize_controller, adjoint=adjoint,
+        event=_events(event, decode, strains, t1.dtype), max_steps=max_steps, throw=False,
+        progress_meter=progress_meter,
+    )  # fmt: skip
+
+    saved = jnp.isfinite(raw.ts["run"])
+    states = jax.tree.map(
+        lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), raw.ys["run"]
+    )  # fmt: skip
+    stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
+    stats["t_end"] = raw.ts["end"][-1]
+    last = jax.tree.map(lambda y: y[-1], raw.ys["end"])
+    end = _finite(last), decode(last).amplitudes if strains else jnp.zeros(0)
+    return Solution(
+        ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else ts,
+        states=states,
+        result=_result(raw, end, system.valid(start) if chart is not None else True, event is not None),
+        stats=stats,
+        system=system,
+        method=", ".join(type(x).__name__ for x in (solver, chart) if x is not None),
+    )
+
+
+class _Flow(eqx.Module):
+    """The first-order form of Lagrange's equations."""
+
+    lagrangian: Lagrangian
+
+    def __call__(self, t, y, args):
+        del args
+        return Phase(y.v, self.lagrangian.acceleration(t, y.q, y.v))
+
+
+def _idle(t, y, args):
+    del t, args
+    return jax.tree.map(jnp.zeros_like, y)
+
+
+class _NaturalNorm(eqx.Module):
+    """Root mean square of the weighted errors of coordinates and velocities."""
+
+    weights: Phase
+
+    def __call__(self, error: Tracked) -> Float[Array, ""]:
+        weighted = jax.tree.map(jnp.multiply, error.phase, self.weights)
+        squares = jnp.concatenate([jnp.ravel(x) ** 2 for x in jax.tree.leaves(weighted)])
+        return jnp.sqrt(jnp.mean(squares))
+
+
+def _adaptive(system, start, y0, duration, atol) -> diffrax.PIDController:
+    if isinstance(system, Lagrangian):
+        return diffrax.PIDController(rtol=atol, atol=atol, dtmin=_least_step(duration), force_dtmin=False)
+    weight = jnp.ones_like(y0.phase.q)
+    if isinstance(system.motion, Flight):
+        weight = weight.at[-system.motion.dimension :].set(1 / system.rod.length)
+    weights = jax.lax.stop_gradient(Phase(weight, weight / _natural_rate(system, start, duration)))
+    return diffrax.PIDController(
+        rtol=0.0, atol=atol, norm=_NaturalNorm(weights), dtmin=_least_step(duration), force_dtmin=False
+    )
+
+
+def _natural_rate(system: System, start: State, duration) -> Float[Array, ""]:
+    """The rate in 1/s by which velocities are measured: axial vibration, spin, swing, and one over the run's length."""
+    body = system.body
+    square = start.direction_rate @ start.direction_rate + 1 / duration**2
+    if system.basis.n:
+        square = square + body.stiffness_matrix[0, 0] / body.mass_matrix[1, 1]
+    if system.gravity is not None and not isinstance(system.motion, Flight):
+        square = square + system.gravity * jnp.abs(body.first_moments[0]) / body.mass_matrix[0, 0]
+    return jnp.sqrt(square)
+
+
+def _least_step(duration):
+    """Far below any step that a save time may cut off, so that only a singular motion gets there."""
+    return 1e-2 * jnp.finfo(duration.dtype).eps * duration
+
+
+def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
+    if saveat is None:
+        run = diffrax.SubSaveAt(ts=ts) if ts is not None else diffrax.SubSaveAt(t1=True)
+    else:
+        run = saveat.subs
+    inner = run.fn
+
+    def fn(t, y, args):
+        return inner(t, decode(y), args)
+
+    run = eqx.tree_at(lambda sub: sub.fn, run, fn)
+    return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
+
+
+def _events(event: diffrax.Event | None, decode, strains: bool, dtype) -> diffrax.Event:
+    """What ends every run, as one number that falls through zero, beside the user's event."""
+
+    def margin(t, y, args, **_):
+        room = jnp.ones(())
+        if strains:
+            strain = decode(y).amplitudes
+            room = jnp.minimum(jnp.min(strain) - _COLLAPSED, 1 - jnp.max(jnp.abs(strain)) / _DIVERGED)
+        # In JAX's default type, whatever the run's: Diffrax compares it with a literal.
+        return jnp.where(_finite(y), room, -1.0).astype(float)
+
+    if event is None:
+        rounding = 64 * float(jnp.finfo(dtype).eps)
+        return diffrax.Event(margin, optx.Bisection(rtol=rounding, atol=rounding, flip=True), direction=False)
+
+    def on_state(condition):
+        return lambda t, y, args, **rest: condition(t, decode(y), args, **rest)
+
+    return diffrax.Event(
+        {"margin": margin, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},
+        optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder,
+        {"margin": False, "user": event.direction},
+    )
+
+
+def _finite(y: PyTree[Array]) -> Any:
+    return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(y)]))
+
+
+def _result(raw: diffrax.Solution, end, valid, user_event: bool) -> Any:
+    """The code of a run, from Diffrax's result and the phase at its end."""
+    codes, result = diffrax.RESULTS, raw.result
+    code = Result.where(result == codes.max_steps_reached, Result.max_steps, Result.diverged)
+    code = Result.where(diffrax.is_okay(result), Result.ok, code)
+    finite, strain = end
+    stopped = raw.event_mask["margin"] if user_event else raw.event_mask
+    why = Result.where(jnp.max(jnp.abs(strain), initial=0.0) > 0.5 * _DIVERGED, Result.diverged, Result.collapsed)
+    why = Result.where(finite, why, Result.non_finite)
+    code = Result.where(stopped, why, code)
+    return Result.where(jnp.asarray(valid), code, Result.invalid)
