@@ -93,6 +93,22 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     return strain * rod.length / tip * (weight * jnp.sin(kappa)) @ jnp.cos(omega[:, None] * ts)
 
 
+def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
+    """Displacement of the tip in m at a steady, prescribed spin `rate` (rad/s) about the root, without gravity.
+
+    Grows without bound as the rate nears the first natural frequency.  Uniform rod: (tan K / K - 1) length, with
+    K = rate length / sqrt(E / rho).
+    """
+    rod = system.rod
+    root, tip = _radii(rod)
+    slope, k = tip - root, rate * rod.length / rod.wave_speed
+    # w = radius u solves w'' + K^2 w = -K^2 s radius;  w(0) = 0,  radius w' = slope w at the tip.
+    part = -tip + 2 * slope / k**2 * (1 - jnp.cos(k))
+    part_slope = -root - 2 * slope + 2 * slope / k * jnp.sin(k)
+    sine = (slope * part - tip * part_slope) / (tip * k * jnp.cos(k) - slope * jnp.sin(k))
+    return rod.length * (part + sine * jnp.sin(k)) / tip
+
+
 def _radii(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
     match getattr(rod, "section", None):
         case Uniform(radius=radius):

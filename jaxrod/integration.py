@@ -95,8 +95,9 @@ class _NaturalNorm(eqx.Module):
 
     weights: Phase
 
-    def __call__(self, error: Tracked) -> Float[Array, ""]:
-        weighted = jax.tree.map(jnp.multiply, error.phase, self.weights)
+    def __call__(self, error: Tracked | Phase) -> Float[Array, ""]:
+        phase = error.phase if isinstance(error, Tracked) else error  # an implicit solver asks about the phase alone
+        weighted = jax.tree.map(jnp.multiply, phase, self.weights)
         squares = jnp.concatenate([jnp.ravel(x) ** 2 for x in jax.tree.leaves(weighted)])
         return jnp.sqrt(jnp.mean(squares))
 
@@ -130,10 +131,8 @@ def _least_step(duration):
 
 
 def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
-    if saveat is None:
-        run = diffrax.SubSaveAt(ts=ts) if ts is not None else diffrax.SubSaveAt(t1=True)
-    else:
-        run = saveat.subs
+    given = diffrax.SubSaveAt(t1=True) if ts is None else diffrax.SubSaveAt(ts=ts)
+    run = given if saveat is None else saveat.subs
     inner = run.fn
 
     def fn(t, y, args):

@@ -1,0 +1,56 @@
+"""Pictures.  Each function draws on a new figure and returns it; saving is the caller's."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from jaxtyping import Array, Float
+from matplotlib.figure import Figure
+
+from .solution import Solution
+
+_BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"
+
+
+def bands(solutions: Mapping[str, Solution], slow: Mapping[str, tuple[Array, Array]], until: float) -> Figure:
+    """The paper's Figure 2: angular velocity and strain against time, a column for each solution.
+
+    `slow` holds the slow bands of rate and strain (T,), drawn over the signals; `until` is the end of the axis in s.
+    """
+    figure = Figure(figsize=(5.2 * len(solutions), 5.0), layout="constrained")
+    axes = figure.subplots(2, len(solutions), sharex=True, sharey="row", squeeze=False)
+    for column, (name, solution) in zip(axes.T, solutions.items(), strict=True):
+        shown = np.asarray(solution.ts) <= until
+        t = np.asarray(solution.ts)[shown]
+        rows = (
+            (column[0], solution.rate, slow[name][0], 1.0, "angular velocity ω, rad/s", _BLUE),
+            (column[1], solution.strain, slow[name][1], 100.0, "strain ε, %", _ORANGE),
+        )
+        for axis, signal, band, unit, label, color in rows:
+            axis.plot(t, unit * np.asarray(signal)[shown], color=color, linewidth=0.9, label="motion")
+            axis.plot(t, unit * np.asarray(band)[shown], color="black", linewidth=1.1, label="its slow band (gravity)")
+            axis.grid(alpha=0.25)
+            if column[0] is axes[0, 0]:
+                axis.set_ylabel(label)
+        column[0].set_title(name, fontsize=10)
+        column[1].set_xlabel("time, s")
+    axes[0, 0].legend(loc="lower right", fontsize=8)
+    return figure
+
+
+def release(tau: Float[Array, " T"], tips: Mapping[str, tuple[Float[Array, " T"], Float[Array, " T"]]]) -> Figure:
+    """Tip displacement after letting go from uniform stretch: exact and uniform-strain model, a column for each rod.
+
+    `tau` is time over the travel time of a wave along the rod; displacements are over the initial one.
+    """
+    figure = Figure(figsize=(5.2 * len(tips), 3.0), layout="constrained")
+    axes = figure.subplots(1, len(tips), sharey=True, squeeze=False)[0]
+    for axis, (name, (exact, model)) in zip(axes, tips.items(), strict=True):
+        axis.plot(tau, exact, color=_BLUE, linewidth=1.4, label="exact rod")
+        axis.plot(tau, model, color=_ORANGE, linewidth=1.2, linestyle="--", label="uniform strain (the paper)")
+        axis.axhline(0, color=_GREY, linewidth=0.5)
+        axis.set_title(name, fontsize=10)
+        axis.set_xlabel("time / travel time of a wave")
+        axis.grid(alpha=0.25)
+    axes[0].set_ylabel("tip displacement / initial")
+    axes[0].legend(loc="lower right", fontsize=8)
+    return figure
