@@ -1,3 +1,4 @@
+from . import claims as claims
 from . import continuum as continuum
 from . import energy as energy
 from . import paper as paper

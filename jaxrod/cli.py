@@ -29,6 +29,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     if arguments.out.exists() and not arguments.out.is_dir():
         parser.error(f"--out {arguments.out} is a file; give a folder")
     print(jaxrod.configure(), file=sys.stderr)
-    print(jaxrod.paper.report(arguments.out))
+    print(jaxrod.claims.report(arguments.out))
     print(f"\nsaved to {arguments.out}: {', '.join(sorted(path.name for path in arguments.out.iterdir()))}")
     return 0

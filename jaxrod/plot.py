@@ -27,13 +27,20 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, tuple[Array, Arr
         )
         for axis, signal, band, unit, label, color in rows:
             axis.plot(t, unit * np.asarray(signal)[shown], color=color, linewidth=0.9, label="motion")
-            axis.plot(t, unit * np.asarray(band)[shown], color="black", linewidth=1.1, label="its slow band (gravity)")
+            inner = t > 0.05 * until  # before that the filter rings from the start of the signal
+            axis.plot(
+                t[inner],
+                unit * np.asarray(band)[shown][inner],
+                color="black",
+                linewidth=1.1,
+                label="its slow band (gravity)",
+            )
             axis.grid(alpha=0.25)
             if column[0] is axes[0, 0]:
                 axis.set_ylabel(label)
         column[0].set_title(name, fontsize=10)
         column[1].set_xlabel("time, s")
-    axes[0, 0].legend(loc="lower right", fontsize=8)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2, fontsize=9)
     return figure
 
 
