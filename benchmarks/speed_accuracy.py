@@ -137,7 +137,7 @@ def measure(seconds: float, repeats: int) -> list[Row]:
 def table(rows: list[Row], seconds: float) -> str:
     default = next(row for row in rows if (row.method, row.dtype, row.setting) == ("default", "float64", 1e-8))
     lines = [
-        "| method | type | setting | error of the tip, m | steps per simulated s | ms per simulated s | time / default | first call, s |",
+        "| method | type | setting | error of the tip, m | steps / s | ms / s | time / default | first call, s |",
         "| --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for row in rows:
@@ -213,6 +213,7 @@ def main() -> None:
             "## Time over the default's at equal achieved error",
             at_equal_error(rows),
             "## All runs",
+            "Steps and milliseconds per simulated second.",
             table(rows, arguments.seconds),
         ]
     )

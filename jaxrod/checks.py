@@ -4,6 +4,7 @@ A refusal is one sentence that names the argument, its value and the remedy.  Va
 not known yet and pass: `simulate` answers them with the result code `invalid`.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -15,6 +16,14 @@ from jaxtyping import Array, Float, Inexact
 def known(value: Any) -> bool:
     """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
     return not isinstance(value, jax.core.Tracer)
+
+
+def fails(condition: Callable[..., Any], *values: Any) -> bool:
+    """Whether values are known and `condition` does not hold for them; it receives NumPy arrays.
+
+    NumPy, because under `jit` even an operation on known numbers is traced.
+    """
+    return all(map(known, values)) and not np.all(condition(*map(np.asarray, values)))
 
 
 def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array, "..."]:
@@ -35,7 +44,7 @@ def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array,
         )
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
         raise ValueError(f"{name}={value!r} is complex; give a real number in SI units.")
-    if known(array) and not np.all(np.isfinite(array)):
+    if fails(np.isfinite, array):
         raise ValueError(f"{name}={shown(array)} is not finite; give a finite number in SI units.")
     return array
 
@@ -43,7 +52,7 @@ def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array,
 def positive(name: str, value: Any, unit: str) -> Float[Array, ""]:
     """A number above zero."""
     array = number(name, value)
-    if known(array) and not array > 0:
+    if fails(lambda x: x > 0, array):
         raise ValueError(f"{name}={shown(array)} must be positive; give it in {unit}.")
     return array
 
@@ -51,7 +60,7 @@ def positive(name: str, value: Any, unit: str) -> Float[Array, ""]:
 def not_negative(name: str, value: Any, unit: str) -> Float[Array, ""]:
     """A number that may be zero but not below it."""
     array = number(name, value)
-    if known(array) and not array >= 0:
+    if fails(lambda x: x >= 0, array):
         raise ValueError(f"{name}={shown(array)} must not be negative; give it in {unit}.")
     return array
 

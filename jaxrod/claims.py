@@ -73,7 +73,7 @@ def report(folder: pathlib.Path) -> str:
     }
     columns = {title: runs[name] for name, title in titles.items()}
     plot.bands(columns, slow, until=2.0).savefig(folder / "figure2.png", dpi=130)
-    tau, tips = _released()
+    tau, tips = released()
     plot.release(tau, tips).savefig(folder / "release.png", dpi=130)
     for name, sol in zip(("literal", "corrected"), runs.values(), strict=True):
         table = np.stack([sol.ts, sol.angle, sol.rate, sol.strain], axis=1)
@@ -209,7 +209,7 @@ def _frequency_error() -> list[Claim]:
     ]
 
 
-def _released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
+def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Tips let go from uniform stretch: exact series and simulated model, over four travel times of a wave."""
     strain, tau, tips = 0.01, np.linspace(0.0, 4.0, 801), {}
     for name, system in _weightless().items():
@@ -221,7 +221,7 @@ def _released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
 
 
 def _release_picture() -> Claim:
-    _, tips = _released()
+    _, tips = released()
     off = {name: float(np.max(np.abs(exact - model))) for name, (exact, model) in tips.items()}
     return Claim(
         "After release from uniform stretch the exact motion differs in detail: it is no harmonic.",

@@ -87,10 +87,10 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     x, w = np.polynomial.legendre.leggauss(2 * n)
     x, w = jnp.asarray((x + 1) / 2), jnp.asarray(w / 2)
     radius = root + (tip - root) * x
-    mode = jnp.sin(kappa[:, None] * x)  # radius * u
+    mode = jnp.sin(kappa[:, None] * x[None, :])  # radius * u
     weight = (mode @ (w * radius * x)) / (mode**2 @ w)
     omega = kappa * rod.wave_speed / rod.length
-    return strain * rod.length / tip * (weight * jnp.sin(kappa)) @ jnp.cos(omega[:, None] * ts)
+    return strain * rod.length / tip * (weight * jnp.sin(kappa)) @ jnp.cos(omega[:, None] * ts[None, :])
 
 
 def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:

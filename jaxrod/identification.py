@@ -7,7 +7,6 @@ from typing import Any
 
 import equinox as eqx
 import jax
-import jax.flatten_util
 import jax.numpy as jnp
 import numpy as np
 import optax
@@ -100,29 +99,20 @@ def fit(
     sigma = jnp.broadcast_to(jnp.asarray(sigma) * 1.0, data.shape) if jnp.ndim(sigma) == 0 else jnp.asarray(sigma) * 1.0
     space = _Parameters(start)
     _check(model, data, sigma, space)
-
-    def residuals(theta, _):
-        return ((model(space.parameters(theta)) - data) / sigma).reshape(-1)
-
-    origin = jnp.zeros(space.size, dtype=data.dtype)
-    mode = _derivative_mode(residuals, origin)
+    residuals = _Residuals(model if isinstance(model, eqx.Module) else jax.tree_util.Partial(model), data, sigma, space)
+    origin = jnp.zeros(len(space.names), dtype=data.dtype)
     method, name = _method(solver)
-    found = optx.least_squares(
-        residuals, method, origin, options={"jac": mode}, max_steps=max_steps, throw=False
-    )  # fmt: skip
-    theta = found.value
-    jacobian = (jax.jacfwd if mode == "fwd" else jax.jacrev)(lambda theta: residuals(theta, None))(theta)
+    theta, rest, jacobian, converged, steps = _search(residuals, origin, method, max_steps)
     spread, unidentified = _identified(np.asarray(jacobian), space.names)
     parameters = space.parameters(theta)
-    rest = residuals(theta, None)
     result = Fit(
         parameters=parameters,
         standard_errors=space.scaled(jnp.asarray(spread, theta.dtype), parameters),
         residuals=rest,
         chi_square=rest @ rest,
         unidentified=unidentified,
-        converged=bool(found.result == optx.RESULTS.successful),
-        steps=int(found.stats["num_steps"]),
+        converged=bool(converged),
+        steps=int(steps),
         method=name,
     )
     if unidentified:
@@ -134,37 +124,66 @@ def fit(
     return result
 
 
-class _Parameters:
+@eqx.filter_jit
+def _search(residuals, origin, method, max_steps):
+    """Compiled once for a model: a second fit of other data with the same function starts at once."""
+    mode = _derivative_mode(residuals, origin)
+    found = optx.least_squares(residuals, method, origin, options={"jac": mode}, max_steps=max_steps, throw=False)
+    jacobian = (jax.jacfwd if mode == "fwd" else jax.jacrev)(residuals)(found.value, None)
+    converged = found.result == optx.RESULTS.successful
+    return found.value, residuals(found.value, None), jacobian, converged, found.stats["num_steps"]
+
+
+class _Residuals(eqx.Module):
+    """(model - data) / sigma as a function of theta."""
+
+    model: Callable[[PyTree], Array]
+    data: Array
+    sigma: Array
+    space: "_Parameters"
+
+    def __call__(self, theta, _):
+        return ((self.model(self.space.parameters(theta)) - self.data) / self.sigma).reshape(-1)
+
+
+class _Parameters(eqx.Module):
     """The map between the parameters and theta, a vector of relative changes that is zero at the start."""
 
+    starts: list[Float[Array, ""]]
+    names: list[str] = eqx.field(static=True)
+    positive: list[bool] = eqx.field(static=True)
+    tree: Any = eqx.field(static=True)
+
     def __init__(self, start: PyTree):
-        leaves, self._tree = jax.tree_util.tree_flatten_with_path(start, is_leaf=_is_positive)
+        leaves, self.tree = jax.tree_util.tree_flatten_with_path(start, is_leaf=_is_positive)
         if not leaves:
             raise ValueError(f"start={start!r} holds no parameter; give numbers, or Positive(number).")
         self.names = [_name(path) for path, _ in leaves]
-        self._positive = [_is_positive(leaf) for _, leaf in leaves]
-        self._start = [
+        self.positive = [_is_positive(leaf) for _, leaf in leaves]
+        self.starts = [
             leaf.value if _is_positive(leaf) else checks.number(f"start{jax.tree_util.keystr(path)}", leaf)
             for path, leaf in leaves
         ]
-        self._scale = [jnp.where(value == 0, 1.0, jnp.abs(value)) for value in self._start]
-        self.size = len(leaves)
 
     def parameters(self, theta: Float[Array, " n"]) -> PyTree:
         values = [
-            value * jnp.exp(x) if positive else value + scale * x
-            for x, value, scale, positive in zip(theta, self._start, self._scale, self._positive, strict=True)
+            start * jnp.exp(x) if positive else start + _scale(start) * x
+            for x, start, positive in zip(theta, self.starts, self.positive, strict=True)
         ]
-        return jax.tree_util.tree_unflatten(self._tree, values)
+        return jax.tree_util.tree_unflatten(self.tree, values)
 
     def scaled(self, spread: Float[Array, " n"], parameters: PyTree) -> PyTree:
         """Small changes of theta as changes of the parameters."""
         values = jax.tree.leaves(parameters)
         changes = [
-            x * value if positive else x * scale
-            for x, value, scale, positive in zip(spread, values, self._scale, self._positive, strict=True)
+            x * value if positive else x * _scale(start)
+            for x, value, start, positive in zip(spread, values, self.starts, self.positive, strict=True)
         ]
-        return jax.tree_util.tree_unflatten(self._tree, changes)
+        return jax.tree_util.tree_unflatten(self.tree, changes)
+
+
+def _scale(start: Array) -> Array:
+    return jnp.where(start == 0, 1.0, jnp.abs(start))
 
 
 def _method(solver: Any) -> tuple[Any, str]:
@@ -185,7 +204,7 @@ def _derivative_mode(residuals: Callable, theta: Array) -> str:
     A `simulate` inside the model can, if it is given `adjoint=diffrax.ForwardMode()`.
     """
     try:
-        jax.eval_shape(jax.jacfwd(lambda theta: residuals(theta, None)), theta)
+        jax.eval_shape(lambda theta: jax.jacfwd(residuals)(theta, None), theta)
     except TypeError:  # a custom_vjp, as in Diffrax's default adjoint
         return "bwd"
     return "fwd"
@@ -216,7 +235,7 @@ def _check(model: Callable, data: Array, sigma: Array, space: _Parameters) -> No
         raise ValueError(
             f"sigma={checks.shown(sigma)} must be positive, one number or one for each of {data.size} data."
         )
-    there = model(space.parameters(jnp.zeros(space.size, dtype=data.dtype)))
+    there = model(space.parameters(jnp.zeros(len(space.names), dtype=data.dtype)))
     if jnp.shape(there) != data.shape:
         raise ValueError(f"model returns shape {jnp.shape(there)} but data has shape {data.shape}; they must agree.")
     if not np.all(np.isfinite(there)):

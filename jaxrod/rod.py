@@ -72,7 +72,7 @@ class Cone(AbstractSection):
     def __init__(self, root_radius, tip_radius):
         root = checks.not_negative("Cone(root_radius=)", root_radius, "metres")
         tip = checks.not_negative("Cone(tip_radius=)", tip_radius, "metres")
-        if checks.known(root) and checks.known(tip) and root == 0 and tip == 0:
+        if checks.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
             raise ValueError("Cone(root_radius=0, tip_radius=0) has no section left; at most one end may be a point.")
         self.root_radius, self.tip_radius = root, tip
 
@@ -147,10 +147,11 @@ class Rod(eqx.Module):
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
-        if checks.known(young) and checks.known(density) and self.wave_speed > _FASTEST_SOLID:
+        if checks.fails(lambda young, density: young <= _FASTEST_SOLID**2 * density, young, density):
             warnings.warn(
-                f"wave speed sqrt(young/density) = {self.wave_speed:.3g} m/s is beyond any solid (diamond 1.8e4 m/s): "
-                f"is young={young:.3g} in Pa and density={density:.3g} in kg/m^3? (The paper prints rubber's modulus as "
+                f"wave speed sqrt(young/density) = {np.sqrt(np.asarray(young) / np.asarray(density)):.3g} m/s is beyond "
+                f"any solid (diamond 1.8e4 m/s): is young={checks.shown(young)} in Pa and density={checks.shown(density)} "
+                "in kg/m^3? (The paper prints rubber's modulus as "
                 "10^7 MPa where 10^7 Pa is meant.)",
                 stacklevel=2,
             )
@@ -159,7 +160,7 @@ class Rod(eqx.Module):
     def _check_section(self):
         s, _ = self.quadrature()
         area = self.area(s)
-        if checks.known(area) and not np.all((np.asarray(area) > 0) & np.isfinite(area)):
+        if checks.fails(lambda area: (area > 0) & np.isfinite(area), area):
             first = int(np.argmin((np.asarray(area) > 0) & np.isfinite(area)))
             raise ValueError(
                 f"section has area {float(area[first]):.3g} m^2 at s={float(s[first]):.4g} m; it must be positive all "
@@ -176,7 +177,7 @@ class Rod(eqx.Module):
         x, w = (jnp.asarray(column, dtype) for column in np.polynomial.legendre.leggauss(_ORDER))
         ends = jnp.stack([jnp.asarray(end, dtype) for end in (0.0, *self.section.breaks, self.length)])
         half = jnp.diff(ends)[:, None] / 2
-        return (ends[:-1, None] + half * (1 + x)).reshape(-1), (half * w).reshape(-1)
+        return (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
 
     def integrate(self, values: Float[Array, "*any points"]) -> Float[Array, "*any"]:
         """Integral over the volume, int A(s) values(s) ds, of values at the points of `quadrature`."""

@@ -1,8 +1,9 @@
 """`simulate`: from a scene and a start to a `Solution`, by Diffrax.
 
-**Accuracy.**  `tolerance` is the relative error of the tip's position after 1,000 axial periods.  Errors of single steps
-are measured in natural units (radians and strains for coordinates; rates over the natural rate of the scene) and held
-10^4 times below it: a step's error counts about ten steps per period, 1,000 periods.
+**Accuracy.**  `tolerance` is the relative error of the tip's position after 1,000 axial periods.  Errors of single
+steps are measured in natural units (radians and strains for coordinates; rates over the natural rate of the scene) and
+held 10^4 times below it: about ten steps a period, 1,000 periods.  In float32 the rounding of the turning itself comes on
+top, up to 6e-7 for each radian turned.
 """
 
 from typing import Any
@@ -142,16 +143,16 @@ def _times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
     t0 = checks.number("t0", t0).astype(dtype)
     if ts is None:
         t1 = checks.number("t1", t1).astype(dtype)
-        if checks.known(t1) and checks.known(t0) and t1 <= t0:
+        if checks.fails(np.greater, t1, t0):
             raise ValueError(f"t1={checks.shown(t1)} does not lie after t0={checks.shown(t0)}.")
         return t0, t1, None
     ts = checks.number("ts", ts, (max(1, jnp.size(ts)),)).astype(dtype)
-    if checks.known(ts) and not np.all(np.diff(ts) > 0):
+    if checks.fails(lambda ts: np.diff(ts) > 0, ts):
         first = int(np.argmin(np.diff(ts) > 0))
         raise ValueError(
             f"ts must increase, but ts[{first}]={ts[first]:.6g} is followed by {ts[first + 1]:.6g}; sort it and drop doubles."
         )
-    if checks.known(ts) and checks.known(t0) and (ts[0] < t0 or ts[-1] <= t0):
+    if checks.fails(lambda ts, t0: (ts[0] >= t0) & (ts[-1] > t0), ts, t0):
         raise ValueError(
             f"ts={checks.shown(ts)} does not lie after the start t0={checks.shown(t0)}; give later times, or t0=."
         )
@@ -163,7 +164,7 @@ def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
     if tolerance is None:
         tolerance = _DEFAULT_TOLERANCE[name]
     tolerance = checks.positive("tolerance", tolerance, "relative error of the tip's position")
-    if checks.known(tolerance) and tolerance < _LEAST_TOLERANCE[name]:
+    if checks.fails(lambda tolerance: tolerance >= _LEAST_TOLERANCE[name], tolerance):
         other = "call jaxrod.configure() and build the scene in float64" if name == "float32" else "take a larger one"
         raise ValueError(
             f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {_LEAST_TOLERANCE[name]:.0e}; {other}."
