@@ -4,6 +4,7 @@ q holds the coordinates of the director, then those of the strain, then in fligh
 """
 
 import abc
+from typing import ClassVar
 
 import equinox as eqx
 import jax
@@ -23,7 +24,7 @@ class AbstractChart(eqx.Module):
     the angle of the first two coordinates.
     """
 
-    counts_turns: eqx.AbstractClassVar[bool]
+    counts_turns: ClassVar[bool]
 
     @abc.abstractmethod
     def place(self, motion: AbstractMotion, q: Float[Array, " N"]) -> Placement:
@@ -53,7 +54,7 @@ class AbstractChart(eqx.Module):
 class Angles(AbstractChart):
     """The paper's coordinates: q = (psi, [phi in space], amplitudes).  Any rung; singular at the pole."""
 
-    counts_turns = True
+    counts_turns: ClassVar[bool] = True
 
     def place(self, motion, q):
         angles, amplitudes, center = _parts(motion, q, motion.dimension - 1)
@@ -91,7 +92,7 @@ class Embedded(AbstractChart):
     The strain is |q| - 1, so it carries an absolute error of one rounding of 1.  The only singular point is q = 0.
     """
 
-    counts_turns = False
+    counts_turns: ClassVar[bool] = False
 
     def place(self, motion, q):
         q, _, center = _parts(motion, q, motion.dimension)
@@ -123,7 +124,7 @@ class Director(AbstractChart):
     matrix positive.  The gauge decouples, and its momentum, zero at the start, stays zero.
     """
 
-    counts_turns = False
+    counts_turns: ClassVar[bool] = False
 
     def place(self, motion, q):
         y, amplitudes, center = _parts(motion, q, motion.dimension)

@@ -213,8 +213,8 @@ def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Tips let go from uniform stretch: exact series and simulated model, over four travel times of a wave."""
     strain, tau, tips = 0.01, np.linspace(0.0, 4.0, 801), {}
     for name, system in _weightless().items():
-        ts = jnp.asarray(tau * paper.LENGTH / float(system.rod.wave_speed))
-        exact = continuum.release(system, strain, ts)
+        ts = jnp.asarray(tau * paper.LENGTH / float(paper.rod().wave_speed))
+        exact = continuum.release(system, jnp.asarray(strain), ts)
         model = simulate(system, system.state(strain=strain), ts=ts).strain * paper.LENGTH
         tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), np.asarray(model) / (strain * paper.LENGTH))
     return tau, tips

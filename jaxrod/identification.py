@@ -137,7 +137,7 @@ def _search(residuals, origin, method, max_steps):
 class _Residuals(eqx.Module):
     """(model - data) / sigma as a function of theta."""
 
-    model: Callable[[PyTree], Array]
+    model: Any  # from parameters to an array like data
     data: Array
     sigma: Array
     space: "_Parameters"

@@ -50,7 +50,7 @@ def integrate(
         if ts is not None:  # what is saved is the end of a step: interpolation would cost digits at tight tolerances
             stepsize_controller = diffrax.ClipStepSizeController(stepsize_controller, step_ts=ts)
 
-    raw = diffrax.diffeqsolve(
+    raw: Any = diffrax.diffeqsolve(
         terms, Tracking(solver), t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=stepsize_controller, adjoint=adjoint,
         event=_events(event, decode, strains, t1.dtype), max_steps=max_steps, throw=False,
@@ -171,7 +171,7 @@ def _finite(y: PyTree[Array]) -> Any:
     return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(y)]))
 
 
-def _result(raw: diffrax.Solution, end, valid, user_event: bool) -> Any:
+def _result(raw: Any, end, valid, user_event: bool) -> Any:
     """The code of a run, from Diffrax's result and the phase at its end."""
     codes, result = diffrax.RESULTS, raw.result
     code = Result.where(result == codes.max_steps_reached, Result.max_steps, Result.diverged)

@@ -5,7 +5,7 @@ M v' = dL/dq + Q - dp/dt|_v - (dp/dq) v
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -81,6 +81,6 @@ def _solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> F
     return jnp.stack(x)
 
 
-def _carried(function: Callable) -> Callable:
+def _carried(function: Any) -> Any:
     """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
     return function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)

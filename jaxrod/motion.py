@@ -4,7 +4,7 @@ Axes: in the plane x is horizontal and y up; in space x and y are horizontal and
 vector along the rod from root to tip; angles are measured above the horizontal.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -16,33 +16,31 @@ from . import checks
 class AbstractMotion(eqx.Module):
     """What holds the rod.  `dimension` is that of the space the director lives in."""
 
-    dimension: eqx.AbstractClassVar[int]
+    dimension: ClassVar[int]
 
 
-class Rotation(AbstractMotion):
+class AbstractPivoted(AbstractMotion):
+    """A point of the rod is fixed: `pivot`, its distance from the root in m."""
+
+    pivot: Any = eqx.field(default=0.0, converter=lambda s: checks.not_negative("pivot", s, "metres from the root"))
+
+
+class Rotation(AbstractPivoted):
     """Turning about a fixed horizontal axis through the rod: equation (4).
 
     **Arguments:** `pivot`, distance of the axis from the root in m (0: the rod hangs on its root).
     """
 
-    pivot: Float[Array, ""]
     dimension: ClassVar[int] = 2
 
-    def __init__(self, pivot=0.0):
-        self.pivot = checks.not_negative("Rotation(pivot=)", pivot, "metres from the root")
 
-
-class Spherical(AbstractMotion):
+class Spherical(AbstractPivoted):
     """Turning in space about a fixed point of the rod: equation (8).
 
     **Arguments:** `pivot`, distance of the fixed point from the root in m.
     """
 
-    pivot: Float[Array, ""]
     dimension: ClassVar[int] = 3
-
-    def __init__(self, pivot=0.0):
-        self.pivot = checks.not_negative("Spherical(pivot=)", pivot, "metres from the root")
 
 
 class Flight(AbstractMotion):

@@ -1,9 +1,9 @@
 """Pictures.  Each function draws on a new figure and returns it; saving is the caller's."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
-from jaxtyping import Array, Float
 from matplotlib.figure import Figure
 
 from .solution import Solution
@@ -11,7 +11,7 @@ from .solution import Solution
 _BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"
 
 
-def bands(solutions: Mapping[str, Solution], slow: Mapping[str, tuple[Array, Array]], until: float) -> Figure:
+def bands(solutions: Mapping[str, Solution], slow: Mapping[str, Any], until: float) -> Figure:
     """The paper's Figure 2: angular velocity and strain against time, a column for each solution.
 
     `slow` holds the slow bands of rate and strain (T,), drawn over the signals; `until` is the end of the axis in s.
@@ -44,7 +44,7 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, tuple[Array, Arr
     return figure
 
 
-def release(tau: Float[Array, " T"], tips: Mapping[str, tuple[Float[Array, " T"], Float[Array, " T"]]]) -> Figure:
+def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) -> Figure:
     """Tip displacement after letting go from uniform stretch: exact and uniform-strain model, a column for each rod.
 
     `tau` is time over the travel time of a wave along the rod; displacements are over the initial one.

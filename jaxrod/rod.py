@@ -6,8 +6,7 @@ Every number is a leaf of a pytree: a gradient can be taken in each.
 
 import abc
 import warnings
-from collections.abc import Callable
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -24,7 +23,7 @@ _ORDER = 24  # Gauss-Legendre points per smooth piece; exact for polynomial inte
 class AbstractSection(eqx.Module):
     """The cross-section along the rod: `area(s, length)` in m^2, and the `breaks` between its smooth pieces."""
 
-    breaks: eqx.AbstractClassVar[tuple[float, ...]] | eqx.AbstractVar[tuple[float, ...]]
+    breaks: eqx.AbstractVar[tuple[float, ...]]
 
     @abc.abstractmethod
     def area(self, s: Float[Array, "*points"], length: Float[Array, ""]) -> Float[Array, "*points"]:
@@ -99,7 +98,7 @@ class Profile(AbstractSection):
     0.758545 kg
     """
 
-    function: Callable[[Float[Array, "*points"]], Float[Array, "*points"]]
+    function: Any
     breaks: tuple[float, ...] = eqx.field(static=True)
 
     def __init__(self, function, breaks=()):

@@ -36,7 +36,7 @@ def default_solver(system: System | Lagrangian) -> diffrax.AbstractSolver:
     return diffrax.Dopri8()
 
 
-def default_chart(system: System) -> AbstractChart:
+def default_chart(system: Any) -> AbstractChart:
     """The coordinates that `simulate` takes when none are given.
 
     In the plane the angle, which has no pole and counts its turns.  In space the embedded q = (1 + eps) d, for a rigid
@@ -100,14 +100,14 @@ def simulate(
     >>> print(jax.vmap(jax.grad(end))(jax.numpy.array([10.0, 15.0])).round(4))
     [0.0983 0.0978]
     """
-    is_rod = isinstance(system, System)
-    if not is_rod and not isinstance(system, Lagrangian):
+    if not isinstance(system, System | Lagrangian):
         raise ValueError(f"system={system!r} cannot be simulated; give a System, or Lagrangian(function of t, q, v).")
-    if is_rod and not isinstance(start, State):
-        raise ValueError(f"start={start!r} is not a state; make one by system.state(angle=..., rate=...).")
+    if isinstance(system, System) != isinstance(start, State):
+        needed = "a state, made by system.state(angle=..., rate=...)" if isinstance(system, System) else "a pair (q, v)"
+        raise ValueError(f"start={start!r} does not fit; this system starts from {needed}.")
     dtype = checks.float_type(system, start)
     system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
-    if is_rod:
+    if isinstance(start, State):
         chart = default_chart(system) if chart is None else chart
         _check_start(system, start)
     else:
@@ -182,7 +182,7 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps) -> None:
         raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
 
 
-def _check_start(system: System, start: State) -> None:
+def _check_start(system: Any, start: State) -> None:
     dimension, n, flight = system.motion.dimension, system.basis.n, isinstance(system.motion, Flight)
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(

@@ -1,5 +1,7 @@
 """One scene's physics: a rod, how it is held, its strain basis, gravity and forces."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,7 +13,7 @@ from .basis import Projection, Ritz
 from .chart import AbstractChart
 from .force import AbstractForce
 from .lagrangian import Lagrangian
-from .motion import AbstractMotion, Flight, Placement, State, heading
+from .motion import AbstractMotion, AbstractPivoted, Flight, Placement, State, heading
 from .rod import Lumped, Rod
 
 
@@ -62,9 +64,9 @@ class System(eqx.Module):
         if isinstance(self.rod, Lumped):
             if isinstance(self.motion, Flight):
                 raise ValueError("rod=Lumped(...) is a pivoted body without a mass; for Flight() give a Rod.")
-            if checks.fails(lambda pivot: pivot == 0, self.motion.pivot):
+            if isinstance(self.motion, AbstractPivoted) and checks.fails(lambda x: x == 0, self.motion.pivot):
                 raise ValueError("rod=Lumped(...) is given about its pivot already; leave out pivot=.")
-        elif not isinstance(self.motion, Flight):
+        elif isinstance(self.motion, AbstractPivoted):
             pivot, length = self.motion.pivot, self.rod.length
             if checks.fails(np.less_equal, pivot, length):
                 raise ValueError(
@@ -81,7 +83,7 @@ class System(eqx.Module):
     @property
     def origin(self) -> Float[Array, ""]:
         """Material coordinate in m that stays put: the pivot, in flight the centre of mass."""
-        return self.rod.center_of_mass if isinstance(self.motion, Flight) else self.motion.pivot
+        return self.motion.pivot if isinstance(self.motion, AbstractPivoted) else _whole(self.rod).center_of_mass
 
     @property
     def body(self) -> Projection:
@@ -156,7 +158,7 @@ class System(eqx.Module):
         turning = energy.kinetic_director(self.body, state.amplitudes, state.amplitude_rates, state.direction_rate)
         if state.center_velocity is None:
             return turning
-        return turning + energy.kinetic_center(self.rod.mass, state.center_velocity)
+        return turning + energy.kinetic_center(_whole(self.rod).mass, state.center_velocity)
 
     def elastic_energy(self, state: State) -> Float[Array, ""]:
         """Strain energy of one state."""
@@ -201,7 +203,7 @@ class System(eqx.Module):
         return Lagrangian(_RodLagrangian(self, chart, self.body, self._flying_mass()), force)
 
     def _flying_mass(self) -> Float[Array, ""] | None:
-        return self.rod.mass if isinstance(self.motion, Flight) else None
+        return _whole(self.rod).mass if isinstance(self.motion, Flight) else None
 
 
 class _RodLagrangian(eqx.Module):
@@ -251,7 +253,13 @@ def _weight(body: Projection, mass, gravity, place: Placement) -> Float[Array, "
 _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()"}
 
 
-def _or_zero(value, zero=0.0):
+def _whole(rod: Rod | Lumped) -> Rod:
+    """The rod, where only one with a mass can be: construction has seen to that."""
+    assert isinstance(rod, Rod)
+    return rod
+
+
+def _or_zero(value, zero: Any = 0.0):
     return zero if value is None else value
 
 

@@ -13,9 +13,9 @@ from .lagrangian import Phase
 class Tracked(NamedTuple):
     """A phase; what rounding cut off it; full turns made.  None stands for what is not tracked."""
 
-    phase: Phase
-    remainder: Phase | None
-    turns: Float[Array, ""] | None
+    phase: Any  # Phase
+    remainder: Any  # Phase or None
+    turns: Any  # scalar or None
 
 
 class Tracking(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
@@ -28,7 +28,7 @@ class Tracking(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
     1965).  Rounding then no longer piles up over thousands of steps.
     """
 
-    solver: diffrax.AbstractSolver
+    solver: Any  # AbstractSolver
 
     @property
     def term_structure(self) -> Any:
@@ -89,8 +89,8 @@ class Tracking(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
 class _Interpolation(diffrax.AbstractLocalInterpolation):
     inner: diffrax.AbstractLocalInterpolation
     y0: Tracked
-    t0: Float[Array, ""]
-    t1: Float[Array, ""]
+    t0: Any
+    t1: Any
 
     def __init__(self, interpolation_cls, *, t0, t1, inner, y0):
         self.inner = interpolation_cls(t0=t0, t1=t1, **inner)

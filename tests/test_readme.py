@@ -13,8 +13,8 @@ def test_example(capsys):
     assert len(blocks) == 1
     names: dict = {}
     exec(compile(blocks[0], str(README), "exec"), names)
-    assert np.round(names["f"], 2) == [22.97]
-    assert np.round(names["percent"], 1) == [19.4]
+    assert np.round(names["f"], 2).tolist() == [22.97]
+    assert np.round(names["percent"], 1).tolist() == [19.4]
     assert np.round(names["exact"], 2).tolist() == [19.24, 67.42]
     assert names["out"]["strain"].shape == (100,) and np.isfinite(names["slope"])
     printed = capsys.readouterr().out
