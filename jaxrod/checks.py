@@ -10,12 +10,13 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float, Inexact
 
 
 def known(value: Any) -> bool:
     """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
 def fails(condition: Callable[..., Any], *values: Any) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 import pathlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ class Claim(NamedTuple):
     verdict: str
 
 
-def split_bands(ts: Float[Array, " T"], signal: Float[Array, " T"]) -> tuple[np.ndarray, np.ndarray]:
+def split_bands(ts: Float[Array, " T"], signal: Any) -> tuple[np.ndarray, np.ndarray]:
     """A signal's slow band (turning, gravity) and fast band (strain oscillation), divided at 12 Hz."""
     signal = np.asarray(signal)
     spectrum = np.fft.rfft(signal - signal.mean())

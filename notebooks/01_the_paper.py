@@ -19,6 +19,7 @@
 # Lagrange's equations. This notebook rebuilds it from its energies, reproduces its Figure 2, and measures what it says.
 
 # %%
+# %matplotlib inline
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -26,7 +27,7 @@ from IPython.display import Markdown, display
 
 import jaxrod
 
-print(jaxrod.configure())
+said = jaxrod.configure()
 
 # %% [markdown]
 # ## From energies to equations

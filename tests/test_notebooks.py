@@ -6,7 +6,7 @@ import jupytext
 import nbclient
 import pytest
 
-SOURCES = sorted((pathlib.Path(__file__).parent.parent / "notebooks").glob("*.py"))
+SOURCES = sorted((pathlib.Path(__file__).parent.parent / "notebooks").glob("[0-9]*.py"))
 
 
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)

@@ -1,0 +1,12 @@
+"""Runs each notebook's source (NN_name.py) and writes it with its outputs (NN_name.ipynb): python notebooks/execute.py"""
+
+import pathlib
+
+import jupytext
+import nbclient
+
+for source in sorted(pathlib.Path(__file__).parent.glob("[0-9]*.py")):
+    notebook = jupytext.read(source)
+    nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
+    jupytext.write(notebook, source.with_suffix(".ipynb"))
+    print(f"wrote {source.with_suffix('.ipynb').name}")
