@@ -188,8 +188,8 @@ class System(eqx.Module):
         """Positions in m of the material points s (m): from the pivot, in flight from the origin."""
         phi = self.basis.shapes(jnp.asarray(s), self.origin)
         along = phi[0] + state.amplitudes @ phi[1:]
-        points = along[:, None] * state.direction
-        return points if state.center is None else points + state.center
+        points = along[:, None] * state.direction[None, :]
+        return points if state.center is None else points + state.center[None, :]
 
     def tip(self, state: State) -> Float[Array, " D"]:
         """Position of the tip in m."""

@@ -1,0 +1,370 @@
+"""What callers rely on: names, configuration, shapes, Diffrax's keywords, forces, and what simpler scenes leave out."""
+
+import dataclasses
+import doctest
+import functools
+import importlib
+import pkgutil
+import re
+import subprocess
+import sys
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrod
+from jaxrod import Result
+
+# ---- names
+
+NAMES = [
+    "AbstractForce",
+    "Angles",
+    "Cone",
+    "Director",
+    "Embedded",
+    "Fit",
+    "Flight",
+    "Lagrangian",
+    "Lumped",
+    "PivotFriction",
+    "Positive",
+    "Profile",
+    "Result",
+    "Ritz",
+    "Rod",
+    "Rotation",
+    "SimulationError",
+    "Solution",
+    "Spherical",
+    "State",
+    "System",
+    "Torque",
+    "Uniform",
+    "claims",
+    "configure",
+    "continuum",
+    "default_chart",
+    "default_solver",
+    "energy",
+    "fit",
+    "frequency_error",
+    "natural_frequencies",
+    "paper",
+    "plot",
+    "simulate",
+    "sweep",
+]
+
+
+def test_public_names():
+    """A name more or less is a decision, written here and in `__init__.pyi`."""
+    assert sorted(jaxrod.__all__) == NAMES
+    assert set(NAMES) <= set(dir(jaxrod))
+    assert jaxrod.__version__
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_name_is_there(name):
+    assert getattr(jaxrod, name) is not None
+
+
+def test_no_name_that_is_not_there():
+    with pytest.raises(AttributeError, match="Simulate"):
+        jaxrod.Simulate  # noqa: B018
+
+
+# ---- import and configure, each in a process of its own
+
+
+def _python(program):
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert run.returncode == 0, run.stderr
+    return run.stdout.splitlines()
+
+
+def test_import_imports_nothing():
+    said = _python(
+        "import os, sys; before = dict(os.environ); import jaxrod\n"
+        "print([m for m in ('jax', 'jaxlib', 'equinox', 'diffrax', 'numpy', 'matplotlib') if m in sys.modules])\n"
+        "print(before == dict(os.environ))"
+    )
+    assert said == ["[]", "True"]
+
+
+def test_names_set_nothing():
+    """Using the library without `configure` leaves JAX as it was: float32."""
+    said = _python(
+        "import jaxrod, jax; before = dict(jax.config.values)\n"
+        "rod = jaxrod.Rod(1.0, jaxrod.Uniform(0.02), 1e7, 1200.0)\n"
+        "print(jaxrod.System(rod, jaxrod.Rotation()).state(angle=1.0).angle.dtype, dict(jax.config.values) == before)"
+    )
+    assert said == ["float32 True"]
+
+
+def test_configure(tmp_path):
+    said = _python(
+        f"import jaxrod; said = jaxrod.configure(cache={str(tmp_path)!r}, devices=2); print(said)\n"
+        "import jax; print(jax.numpy.zeros(()).dtype, jax.device_count(), jax.config.jax_compilation_cache_dir)\n"
+        "print(jaxrod.configure(x64=False) == said, jax.numpy.zeros(()).dtype)"
+    )
+    assert said == [
+        f"jaxrod: float64, 2 CPU devices, compiled programs kept in {tmp_path}",
+        f"float64 2 {tmp_path}",
+        "True float64",
+    ]
+
+
+def test_configure_without_cache_in_float32():
+    said = _python(
+        "import jaxrod; print(jaxrod.configure(x64=False, cache=None)); import jax; print(jax.numpy.zeros(()).dtype)"
+    )
+    assert said == ["jaxrod: float32, 1 CPU device", "float32"]
+
+
+def test_configure_comes_first():
+    """After the first computation some settings would be ignored: it says so, and sets none of them."""
+    said = _python(
+        "import jax, jaxrod; jax.numpy.zeros(2) + 1\n"
+        "try: jaxrod.configure(cache=None)\n"
+        "except RuntimeError as error: print(error)\n"
+        "print(jax.config.jax_enable_x64)"
+    )
+    assert said[0].startswith("jaxrod.configure() came after JAX's first computation; call it right after the imports")
+    assert said[1:] == ["False"]
+
+
+# ---- examples in docstrings
+
+
+def _examples():
+    for module in pkgutil.walk_packages(jaxrod.__path__, "jaxrod."):
+        if not module.name.endswith("__main__"):
+            for test in doctest.DocTestFinder(exclude_empty=True).find(importlib.import_module(module.name)):
+                if test.examples:
+                    yield pytest.param(test, id=test.name.removeprefix("jaxrod."))
+
+
+@pytest.mark.parametrize("example", _examples())
+def test_docstrings(example):
+    said = []
+    with jax.numpy_rank_promotion("allow"):  # an example is a user's program
+        doctest.DocTestRunner(optionflags=doctest.NORMALIZE_WHITESPACE).run(example, out=said.append)
+    assert not said, "".join(said)
+
+
+# ---- forces, and what a solution looks like, for each motion
+
+DURATION = 0.2
+X, W = np.polynomial.legendre.leggauss(60)
+TIMES = jnp.asarray(np.concatenate([(X + 1) * DURATION / 2, [DURATION]]))
+MOTIONS = {
+    "Rotation": (jaxrod.Rotation(0.1), jaxrod.Torque(8.0), {"angle": 0.5, "rate": 9.0}),
+    "Spherical": (
+        jaxrod.Spherical(0.1),
+        jaxrod.Torque(jnp.array([3.0, -5.0, 8.0])),
+        {"angle": 0.5, "rate": 9.0, "azimuth": 1.0, "azimuth_rate": 7.0},
+    ),
+    "Flight": (
+        jaxrod.Flight(),
+        jaxrod.Torque(8.0),
+        {"angle": 0.5, "rate": 9.0, "center": (1.0, 2.0), "center_velocity": (3.0, 4.0)},
+    ),
+}
+ROD = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
+
+
+@functools.cache
+def _forced(name):
+    motion, torque, numbers = MOTIONS[name]
+    forces = (torque,) if name == "Flight" else (torque, jaxrod.PivotFriction(0.3))
+    system = jaxrod.System(ROD, motion, jaxrod.Ritz(1), 9.81, forces)
+    return jaxrod.simulate(system, system.state(strain=0.02, **numbers), ts=TIMES)
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_power_balance(name):
+    """Energy changes by the power of torque and friction, and by nothing else: Gauss' rule over the whole run."""
+    sol = _forced(name)
+    state = sol.states
+    moment = MOTIONS[name][1].moment
+    turning = np.cross(state.direction, state.direction_rate) if name == "Spherical" else sol.rate
+    power = turning @ moment if name == "Spherical" else turning * moment
+    if name != "Flight":
+        power = power - 0.3 * (state.direction_rate**2).sum(axis=-1)
+    work = DURATION / 2 * W @ power[:-1]
+    start = sol.system.energy(sol.system.state(strain=0.02, **MOTIONS[name][2]))
+    assert abs(work) > 0.5  # J: there is something to balance
+    np.testing.assert_allclose(sol.energy[-1] - start, work, rtol=0, atol=1e-8 * abs(start))
+
+
+@pytest.mark.parametrize("name", MOTIONS)
+def test_shapes(name):
+    """T times first, then what belongs to one time."""
+    sol, T, D = _forced(name), TIMES.size, 3 if name == "Spherical" else 2
+    expected = {
+        "ts": (T,), "angle": (T,), "rate": (T,), "director": (T, D), "strain": (T,), "strain_rate": (T,), "tip": (T, D),
+        "energy": (T,), "angular_momentum": (T, 3) if D == 3 else (T,),
+    }  # fmt: skip
+    assert {key: getattr(sol, key).shape for key in expected} == expected
+    assert sol.shape(jnp.linspace(0.0, 1.0, 5)).shape == (T, 5, D)
+    state = {
+        "direction": (T, D),
+        "direction_rate": (T, D),
+        "amplitudes": (T, 1),
+        "amplitude_rates": (T, 1),
+        "turns": (T,),
+    }
+    if name == "Flight":
+        state |= {"center": (T, 2), "center_velocity": (T, 2)}
+        assert sol.center.shape == (T, 2)
+    else:
+        assert sol.center is None
+    assert {key: x.shape for key, x in vars(sol.states).items() if x is not None} == state
+    if D == 3:
+        assert sol.azimuth.shape == sol.azimuth_rate.shape == (T,)
+    assert sol.ok and sol.result == Result.ok and Result[sol.result] == "the run reached its end"
+    assert set(sol.stats) == {"num_steps", "num_accepted_steps", "num_rejected_steps", "t_end"}
+    assert sol.stats["num_steps"] == sol.stats["num_accepted_steps"] + sol.stats["num_rejected_steps"] > 0
+    assert sol.stats["t_end"] == DURATION
+    np.testing.assert_allclose(sol.tip, sol.shape(jnp.array([1.0]))[:, 0], rtol=1e-14)
+
+
+def test_print():
+    """Four short lines: where it went, and how."""
+    number = r"-?\d[\d.e+-]*"
+    lines = (
+        rf"61 times to t = 0\.2 s by Dopri8, Embedded, \d+ steps: the run reached its end\n"
+        rf" +angle: {number} \.\. {number} rad\n"
+        rf" +strain: {number} \.\. {number}\n"
+        rf" +energy: {number} \.\. {number} J"
+    )
+    assert re.fullmatch(lines, str(_forced("Spherical"))), str(_forced("Spherical"))
+
+
+def test_friction_of_a_rigid_rod():
+    """Without gravity the rate decays as exp(-c t / I): closed form."""
+    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(0), forces=(jaxrod.PivotFriction(0.5),))
+    ts = jnp.linspace(0.0, 3.0, 4)
+    sol = jaxrod.simulate(system, system.state(rate=4.0), ts=ts)
+    np.testing.assert_allclose(sol.rate, 4.0 * np.exp(-0.5 * ts / ROD.moment_of_inertia()), rtol=1e-9)
+
+
+# ---- Diffrax's own keywords
+
+
+@pytest.fixture(scope="module")
+def scene():
+    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+    return system, system.state(rate=15.0)
+
+
+@pytest.fixture(scope="module")
+def reference(scene):
+    return jaxrod.simulate(*scene, ts=jnp.array([0.05, 0.1]), tolerance=1e-12)
+
+
+def test_keywords_pass_through(scene, reference, capsys):
+    """Solver, step size controller, first step, saving and meter in one run: all five are heard."""
+    seen = []
+
+    def save(t, state, args):
+        seen.append(type(state))
+        return {"t": t, "angle": state.angle}
+
+    sol = jaxrod.simulate(
+        *scene, t1=0.1, solver=diffrax.Tsit5(), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6), dt0=1e-5,
+        saveat=diffrax.SaveAt(ts=reference.ts, fn=save), progress_meter=diffrax.TextProgressMeter(),
+    )  # fmt: skip
+    jax.effects_barrier()
+    assert set(seen) == {jaxrod.State}
+    assert sol.method == "Tsit5, Angles"
+    np.testing.assert_array_equal(sol.states["t"], reference.ts)
+    error = np.abs(sol.states["angle"] - reference.angle).max()
+    assert 1e-12 < error < 1e-4  # as rough as asked for
+    assert "100.00%" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("chart", [jaxrod.Angles(), jaxrod.Embedded()], ids=["Angles", "Embedded"])
+def test_implicit_solver(scene, reference, chart):
+    """Kvaerno5 solves for its stages: it needs Jacobians of the accelerations."""
+    sol = jaxrod.simulate(*scene, ts=reference.ts, solver=diffrax.Kvaerno5(), chart=chart)
+    assert sol.method == f"Kvaerno5, {type(chart).__name__}"
+    np.testing.assert_allclose(sol.tip, reference.tip, rtol=0, atol=1e-8)
+
+
+def test_save_every_step_of_constant_length(scene):
+    """dt0 alone means constant steps; room that is not needed is NaN.  The adjoint is another one."""
+    sol = jaxrod.simulate(
+        *scene,
+        t1=0.1,
+        dt0=0.0025,
+        saveat=diffrax.SaveAt(t0=True, steps=True),
+        max_steps=64,
+        adjoint=diffrax.DirectAdjoint(),
+    )
+    assert sol.stats["num_steps"] == 40
+    reached = np.isfinite(sol.ts)
+    # Diffrax writes the last step twice where an event may end the run
+    np.testing.assert_allclose(np.unique(sol.ts[reached]), 0.0025 * np.arange(41), rtol=1e-12)
+    assert np.isfinite(sol.angle[reached]).all()
+    assert (~reached).sum() > 20 and np.isnan(sol.angle[~reached]).all()
+
+
+def test_event(scene):
+    """A run stops when the rod passes 3 rad, whatever the step: the time is that of a run that ends there."""
+    event = diffrax.Event(lambda t, state, args, **_: state.angle - 3.0, direction=True)
+    sol = jaxrod.simulate(*scene, t1=1.0, event=event)
+    assert sol.result == Result.ok and 0.2 < sol.ts[0] < 0.25
+    assert sol.stats["t_end"] == sol.ts[0]
+    np.testing.assert_allclose(sol.angle, 3.0, rtol=1e-12)
+    again = jaxrod.simulate(*scene, ts=jnp.array([0.1, sol.ts[0]]), tolerance=1e-12)
+    np.testing.assert_allclose(again.angle[-1], 3.0, rtol=0, atol=1e-8)
+
+
+# ---- new scenes from old ones
+
+
+def test_replaced_scenes_are_right(scene):
+    """Only inputs are stored, so nothing is left over from the old scene."""
+    system, _ = scene
+    built = jaxrod.System(
+        jaxrod.Rod(length=2.0, section=jaxrod.Uniform(0.01), young=3e7, density=900.0),
+        jaxrod.Spherical(0.5),
+        jaxrod.Ritz(1),
+        gravity=1.6,
+    )
+    rod = dataclasses.replace(ROD, length=2.0, section=jaxrod.Uniform(0.01), young=3e7, density=900.0)
+    replaced = dataclasses.replace(system, rod=rod, motion=jaxrod.Spherical(0.5), gravity=1.6)
+    grown = eqx.tree_at(lambda s: (s.rod.length, s.motion.pivot), replaced, (jnp.array(4.0), jnp.array(1.0)))
+    state = built.state(angle=0.5, rate=3.0, strain=0.1)
+    assert replaced.energy(state) == built.energy(state) != system.energy(system.state(angle=0.5, rate=3.0, strain=0.1))
+    np.testing.assert_array_equal(jaxrod.natural_frequencies(replaced), jaxrod.natural_frequencies(built))
+    # twice as long about a pivot twice as far: half the frequency, and the tip twice as far out
+    np.testing.assert_allclose(jaxrod.natural_frequencies(grown), jaxrod.natural_frequencies(built) / 2, rtol=1e-13)
+    np.testing.assert_allclose(grown.tip(state), 2 * built.tip(state), rtol=1e-14)
+
+
+# ---- what is left out is not computed
+
+
+def _operations(n=1, gravity: float | None = 9.81, forces=(), motion=None):
+    """Operations of the lowered acceleration."""
+    system = jaxrod.System(ROD, motion or jaxrod.Rotation(), jaxrod.Ritz(n), gravity, forces)
+    chart = jaxrod.Angles()
+    q, v = chart.encode(system.motion, system.state(angle=0.3, rate=1.0))
+    program = jax.jit(lambda q, v: system.lagrangian(chart).acceleration(0.0, q, v)).lower(q, v)
+    return len(program.as_text().splitlines())
+
+
+@pytest.mark.parametrize("motion", [jaxrod.Rotation(), jaxrod.Spherical()], ids=["plane", "space"])
+def test_simpler_scenes_are_shorter_programs(motion):
+    full = {"forces": (jaxrod.PivotFriction(0.1),), "motion": motion}
+    assert _operations(**full, gravity=None) < _operations(**full)
+    assert _operations(motion=motion) < _operations(**full)
+    assert _operations(**full, n=0) < _operations(**full)
+    assert _operations(n=0, gravity=None, motion=motion) < _operations(n=0, motion=motion)

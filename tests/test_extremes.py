@@ -1,0 +1,251 @@
+"""The ends of the scale: each test says what happens there and why, and checks it against something independent."""
+
+import contextlib
+import dataclasses
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrod
+from jaxrod import Result
+
+GRAVITY = 9.81
+TIMES = jnp.linspace(0.0, 1.0, 41)  # always as many: runs of one structure and one shape are compiled once
+
+
+def _system(rod, motion=None, n=1, gravity: float | None = GRAVITY):
+    return jaxrod.System(rod, motion or jaxrod.Rotation(), jaxrod.Ritz(n), gravity)
+
+
+def _axial_rate(system):
+    """Natural strain rate in rad/s."""
+    return 2 * np.pi * float(jaxrod.natural_frequencies(system)[0])
+
+
+def _pendulum(rod):
+    """Inertia I, first moment S and stiffness C: all that a pivoted rod with one strain is."""
+    return float(rod.moment_of_inertia()), float(rod.first_moment()), float(rod.stiffness)
+
+
+# ---- stiffness: from jelly to ten times diamond
+
+
+@pytest.mark.parametrize("exponent", range(4, 14))
+def test_young_over_nine_decades(cone, exponent):
+    """20 axial periods, spinning at a fifth of the axial rate: the default keeps its 1e-8 from 1e4 to 1e13 Pa.
+
+    At 1e4 Pa the rod hangs stretched by 70 %; at 1e13 Pa strains are a millionth of the swing's.  Steps are counted in
+    axial periods, so stiffness costs no accuracy.  Above 20 km/s the rod is no solid: a warning, and the run is right.
+    """
+    young = 10.0**exponent
+    no_solid = np.sqrt(young / cone.density) > 2e4
+    with pytest.warns(UserWarning, match="beyond any solid") if no_solid else contextlib.nullcontext():
+        system = _system(dataclasses.replace(cone, young=young))
+    omega = _axial_rate(system)
+    start = system.state(angle=-1.0, rate=0.2 * omega, strain=0.01)
+    ts = 20 * 2 * np.pi / omega * TIMES
+    default, best = (jaxrod.simulate(system, start, ts=ts, tolerance=tol) for tol in (None, 1e-12))
+    np.testing.assert_allclose(default.tip, best.tip, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(default.strain, best.strain, rtol=0, atol=1e-8)
+    inertia, _, _ = _pendulum(cone)
+    scale = inertia * omega**2  # J: of an elongation by the whole length
+    np.testing.assert_allclose(default.energy / scale, best.energy[0] / scale, rtol=0, atol=1e-9)
+
+
+# ---- spin
+
+
+@pytest.mark.parametrize("times_critical", [0.5, 1.0, 3.0])
+def test_free_spin_far_above_the_critical_rate(cone, times_critical):
+    """A rod let spin freely is stable at any rate: stretching slows it down.
+
+    Released unstretched, its strain swings between 0 and the root of e (1 + e)^2 = (W / omega)^2 (2 + e), which is
+    conservation of energy and angular momentum.  (A rod *driven* at the critical rate would stretch without bound.)
+    """
+    system = _system(cone, gravity=None)
+    rate = times_critical * 2 * np.pi * float(jaxrod.continuum.natural_frequencies(system, 1)[0])
+    omega = _axial_rate(system)
+    ratio = (rate / omega) ** 2
+    roots = np.roots([1.0, 2.0, 1.0 - ratio, -2.0 * ratio])
+    largest = roots[(abs(roots.imag) < 1e-12) & (roots.real > 0)].real.item()
+
+    turning = diffrax.Event(lambda t, state, args, **_: state.strain_rate, direction=False)
+    peak = jaxrod.simulate(system, system.state(rate=rate), t1=100.0, event=turning)
+    np.testing.assert_allclose(peak.strain[-1], largest, rtol=1e-9)
+
+    sol = jaxrod.simulate(system, system.state(rate=rate), ts=10 * TIMES)  # hundreds of periods
+    assert -1e-6 < sol.strain.min() < 0.1 * largest
+    assert 0.9 * largest < sol.strain.max() < largest + 1e-6
+    np.testing.assert_allclose(sol.angular_momentum, sol.angular_momentum[0], rtol=1e-8)
+
+
+# ---- collapse
+
+
+@pytest.mark.parametrize(
+    "chart", [jaxrod.Angles(), jaxrod.Embedded(), jaxrod.Director()], ids=lambda c: type(c).__name__
+)
+def test_radial_fall_to_collapse(cone, chart):
+    """Thrown inwards three times too fast, without spin, the rod reaches strain -1 in finite time.
+
+    There the model ends: the run stops at the right time, what came before is right, what comes after is NaN, and the
+    error carries it all.
+    """
+    system = _system(cone, gravity=None)
+    omega = _axial_rate(system)
+    start = system.state(angle=0.7, strain=0.2, strain_rate=-3 * omega)
+    # strain = 0.2 cos(omega t) - 3 sin(omega t) = amplitude cos(omega t + phase)
+    amplitude, phase = np.hypot(0.2, 3.0), np.arctan2(3.0, 0.2)
+    end = (np.arccos(-(1 - 1e-6) / amplitude) - phase) / omega
+    ts = 1.9 * end * TIMES
+    with pytest.raises(jaxrod.SimulationError, match=r"pressed together to nothing.*t=0\.0028102") as caught:
+        jaxrod.simulate(system, start, ts=ts, chart=chart)
+    sol = caught.value.solution
+    assert sol.result == Result.collapsed and not sol.ok
+    np.testing.assert_allclose(sol.stats["t_end"], end, rtol=1e-12)
+    before = ts < end
+    assert before.sum() == 22
+    np.testing.assert_allclose(sol.strain[before], amplitude * np.cos(omega * ts[before] + phase), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(sol.angle[before], 0.7, rtol=0, atol=1e-12)
+    assert all(np.isnan(leaf[~before]).all() for leaf in jax.tree.leaves(sol.states))
+    np.testing.assert_array_equal(sol.ts, ts)
+
+
+# ---- standing upright
+
+
+def test_upright_equilibrium(cone):
+    """Upright, pressed by its weight to strain -s, the rod stands; nudged, it falls at sqrt(gamma / (1 - s))."""
+    system = _system(cone)
+    inertia, moment, stiffness = _pendulum(cone)
+    s = GRAVITY * moment / stiffness
+    growth = np.sqrt(GRAVITY * moment / inertia / (1 - s))
+    ts = 5.0 / growth * TIMES
+
+    still = jaxrod.simulate(system, system.state(angle=np.pi / 2, strain=-s), ts=ts)
+    # pi/2 is not a floating-point number: the rod leans by 6e-17, which grows like any other nudge
+    np.testing.assert_allclose(still.angle, np.pi / 2, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(still.strain, -s, rtol=0, atol=1e-11)  # what a step may err
+
+    nudged = jaxrod.simulate(system, system.state(angle=np.pi / 2 - 1e-6, strain=-s), ts=ts)
+    lean = np.pi / 2 - nudged.angle
+    np.testing.assert_allclose(lean, 1e-6 * np.cosh(growth * ts), rtol=1e-8)
+
+
+# ---- no gravity
+
+
+def test_zero_gravity_is_no_gravity(cone):
+    """gravity=None leaves the term out, gravity=0.0 multiplies it by zero: the same motion."""
+    without, zero = (
+        jaxrod.simulate(system, system.state(angle=0.3, rate=15.0, strain=0.02), ts=TIMES)
+        for system in (_system(cone, gravity=gravity) for gravity in (None, 0.0))
+    )
+    np.testing.assert_allclose(without.tip, zero.tip, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(without.energy, zero.energy, rtol=1e-12)
+
+
+# ---- float32
+
+
+@pytest.mark.parametrize(
+    ("motion", "numbers"),
+    [
+        (jaxrod.Rotation(), {"angle": 0.3, "rate": 15.0}),
+        (jaxrod.Spherical(), {"angle": 0.3, "rate": 15.0, "azimuth_rate": 3.0}),
+    ],
+    ids=lambda x: type(x).__name__,
+)
+def test_float32(cone, motion, numbers):
+    """In half the digits, some 45 axial periods: every tip within 1e-4 m of float64, and everything is float32."""
+    system = _system(cone, motion)
+    start = system.state(**numbers)
+    ts = 2 * TIMES
+    double = jaxrod.simulate(system, start, ts=ts)
+    single = jaxrod.simulate(*jax.tree.map(lambda x: x.astype(jnp.float32), (system, start)), ts=ts)
+    assert {leaf.dtype for leaf in jax.tree.leaves(single.states)} == {jnp.dtype("float32")}
+    assert single.tip.dtype == single.energy.dtype == jnp.float32
+    np.testing.assert_allclose(single.tip, double.tip, rtol=0, atol=1e-4)
+    np.testing.assert_allclose(single.angle, double.angle, rtol=0, atol=1e-4)
+
+
+# ---- rigid
+
+
+def test_rigid_pendulum(cone):
+    """Ritz(0) in the plane: let go at the horizontal it is back after one period, agm(1, cos 45 deg) in closed form."""
+    inertia, moment, _ = _pendulum(cone)
+    system = _system(cone, n=0)
+    a, b = 1.0, np.cos(np.pi / 4)
+    for _ in range(6):
+        a, b = (a + b) / 2, np.sqrt(a * b)
+    period = 2 * np.pi / (np.sqrt(GRAVITY * moment / inertia) * a)
+    sol = jaxrod.simulate(system, system.state(), ts=20 * period * TIMES)  # half a period each
+    np.testing.assert_allclose(sol.angle[0::2], 0.0, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(sol.angle[1::2], -np.pi, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(sol.strain, 0.0)
+
+
+def test_rigid_flight(cone):
+    """Ritz(0) in flight: uniform turning on a parabola."""
+    system = _system(cone, jaxrod.Flight(), n=0)
+    start = system.state(angle=0.5, rate=20.0, center=(1.0, 2.0), center_velocity=(3.0, 4.0))
+    ts = 3 * TIMES
+    sol = jaxrod.simulate(system, start, ts=ts)
+    np.testing.assert_allclose(sol.angle, 0.5 + 20.0 * ts, rtol=0, atol=1e-9)
+    parabola = np.stack([1 + 3 * ts, 2 + 4 * ts - GRAVITY * ts**2 / 2], axis=1)
+    np.testing.assert_allclose(sol.center, parabola, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("n", [0, 1])
+def test_through_the_pole(cone, n):
+    """In space, thrown over the top in a vertical plane: the pole is no place of its own.
+
+    The same motion as in the plane; the azimuth jumps by half a turn there, and the angle folds back.
+    """
+    space, plane = _system(cone, jaxrod.Spherical(), n=n), _system(cone, n=n)
+    ts = 1.5 * TIMES
+    over = jaxrod.simulate(space, space.state(angle=1.2, rate=9.0), ts=ts)
+    flat = jaxrod.simulate(plane, plane.state(angle=1.2, rate=9.0), ts=ts)
+    assert flat.angle[-1] > 2 * np.pi + np.pi / 2  # past the pole twice
+    np.testing.assert_allclose(over.director[:, ::2], flat.director, rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(over.director[:, 1], 0.0)
+    np.testing.assert_allclose(over.strain, flat.strain, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(over.angle, np.arcsin(np.sin(flat.angle)), rtol=0, atol=1e-7)
+
+
+# ---- steps that are too long, runs that are too short
+
+
+@pytest.mark.parametrize(("young", "solver"), [(1e9, None), (1e11, None), (1e9, diffrax.Euler())])
+def test_steps_beyond_the_stability_limit(cone, young, solver):
+    """200 steps of 0.05 s, 70 or 700 radians of the axial vibration each: never a silent NaN.
+
+    Euler's strain grows so slowly that it passes -1 on its way: `collapsed` then is what was computed.
+    """
+    system = _system(dataclasses.replace(cone, young=young))
+    start = system.state(rate=15.0)
+    with pytest.raises(jaxrod.SimulationError) as caught:
+        jaxrod.simulate(system, start, ts=10 * TIMES, n_steps=200, solver=solver)
+    sol = caught.value.solution
+    expected = [Result.diverged, Result.non_finite] if solver is None else [Result.collapsed]
+    assert any(sol.result == code for code in expected)
+    assert 0 < sol.stats["num_steps"] <= 200 and sol.stats["t_end"] < 10.0
+    assert np.isnan(sol.strain[-1])
+
+
+def test_max_steps(cone):
+    """A run that is cut off says so, keeps what it had, and the message says what to do."""
+    system = _system(cone)
+    start, ts = system.state(rate=15.0), TIMES
+    with pytest.raises(jaxrod.SimulationError, match=r"stopped at max_steps.*raise max_steps") as caught:
+        jaxrod.simulate(system, start, ts=ts, max_steps=50)
+    sol = caught.value.solution
+    assert sol.result == Result.max_steps and sol.stats["num_steps"] == 50
+    reached = ts <= sol.stats["t_end"]
+    assert 1 < reached.sum() < 20
+    assert np.isfinite(sol.angle[reached]).all() and np.isnan(sol.angle[~reached]).all()
+    np.testing.assert_allclose(sol.energy[reached], sol.energy[0], rtol=1e-11)
