@@ -11,6 +11,7 @@ Shares no code with the strain bases; of this library it reads the rod and how i
 
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -49,6 +50,7 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     return kappa * rod.wave_speed / (2 * jnp.pi)
 
 
+@eqx.filter_jit
 def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[Array, " n"]:
     """The first n roots kappa of kappa cot kappa = 1 - held / free: a cone with these end radii.
 
@@ -62,6 +64,7 @@ def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[A
     return _roots(equation, held, free, np.arange(n) * np.pi)
 
 
+@eqx.filter_jit
 def free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Float[Array, " n"]:
     """The first n roots kappa > 0 of (kappa^2 + d) sin kappa = kappa d cos kappa, d = (R - r)^2 / (R r).
 

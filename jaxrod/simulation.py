@@ -98,7 +98,7 @@ def simulate(
     >>> def end(rate):
     ...     return jaxrod.simulate(system, system.state(rate=rate), t1=0.1).angle[-1]
     >>> print(jax.vmap(jax.grad(end))(jax.numpy.array([10.0, 15.0])).round(4))
-    [0.0983 0.0978]
+    [0.099  0.0967]
     """
     if not isinstance(system, System | Lagrangian):
         raise ValueError(f"system={system!r} cannot be simulated; give a System, or Lagrangian(function of t, q, v).")

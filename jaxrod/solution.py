@@ -79,30 +79,24 @@ class Solution(eqx.Module):
     @property
     def tip(self) -> Float[Array, "*scenes T D"]:
         """Position of the tip in m."""
-        return self._each(lambda system, t, state: system.tip(state))
+        return self._each(_tip)
 
     @property
     def energy(self) -> Float[Array, "*scenes T"]:
         """T + V in J."""
-        if isinstance(self.system, Lagrangian):
-            return self._each(lambda system, t, phase: system.energy(t, *phase))
-        return self._each(lambda system, t, state: system.energy(state))
+        return self._each(_energy)
 
     @property
     def angular_momentum(self) -> Float[Array, "*scenes T"] | Float[Array, "*scenes T 3"]:
         """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s."""
-        return self._each(lambda system, t, state: system.angular_momentum(state))
+        return self._each(_angular_momentum)
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
-        return self._each(lambda system, t, state: system.shape(state, s))
+        return self._each(jax.tree_util.Partial(_shape, jnp.asarray(s)))
 
     def _each(self, quantity: Callable) -> Array:
-        """A quantity of (system, t, state) at every time of every scene."""
-        over = jax.vmap(quantity, in_axes=(None, 0, 0))
-        for _ in range(self.ts.ndim - 1):
-            over = jax.vmap(over)
-        return over(self.system, self.ts, self.states)
+        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, self.states)
 
     def complaint(self) -> str:
         """One sentence on how a run ended that did not reach its end."""
@@ -123,3 +117,28 @@ class Solution(eqx.Module):
                 values = getattr(self, name)
                 lines.append(f"{name:>8}: {jnp.nanmin(values):.6g} .. {jnp.nanmax(values):.6g} {unit}".rstrip())
         return "\n".join(lines)
+
+
+@eqx.filter_jit
+def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
+    """A quantity of (system, t, state) at every time of every scene."""
+    over = jax.vmap(quantity, in_axes=(None, 0, 0))
+    for _ in range(scenes):
+        over = jax.vmap(over)
+    return over(system, ts, states)
+
+
+def _tip(system, t, state):
+    return system.tip(state)
+
+
+def _energy(system, t, state):
+    return system.energy(t, *state) if isinstance(system, Lagrangian) else system.energy(state)
+
+
+def _angular_momentum(system, t, state):
+    return system.angular_momentum(state)
+
+
+def _shape(s, system, t, state):
+    return system.shape(state, s)

@@ -243,7 +243,10 @@ def test_print():
         rf" +strain: {number} \.\. {number}\n"
         rf" +energy: {number} \.\. {number} J"
     )
-    assert re.fullmatch(lines, str(_forced("Spherical"))), str(_forced("Spherical"))
+    sol = _forced("Spherical")
+    assert re.fullmatch(lines, str(sol)), str(sol)
+    low, high = re.search(r"strain: (\S+) \.\. (\S+)\n", str(sol)).groups()
+    np.testing.assert_allclose([float(low), float(high)], [sol.strain.min(), sol.strain.max()], rtol=1e-5)
 
 
 def test_friction_of_a_rigid_rod():
