@@ -174,7 +174,7 @@ def at_equal_error(rows: list[Row], errors=(1e-4, 1e-6, 1e-8, 1e-10)) -> str:
 
 
 def picture(rows: list[Row], seconds: float) -> Figure:
-    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(9.5, 5.0), layout="constrained")
     axis = figure.subplots()
     names = list(dict.fromkeys((row.method, row.dtype) for row in rows))
     for number, (name, dtype) in enumerate(names):
@@ -190,7 +190,7 @@ def picture(rows: list[Row], seconds: float) -> Figure:
     axis.set_title(f"Figure 2's scene, {seconds:g} s: what a digit costs", fontsize=11)
     axis.invert_xaxis()
     axis.grid(alpha=0.3)
-    axis.legend(fontsize=8)
+    figure.legend(fontsize=8, loc="outside right center")
     return figure
 
 
