@@ -53,7 +53,7 @@ class Ritz(eqx.Module):
     n: int = eqx.field(static=True)
 
     def __check_init__(self):
-        if self.n not in (0, 1):
+        if type(self.n) is not int or self.n not in (0, 1):
             raise ValueError(f"Ritz(n={self.n}) is not available; take Ritz(0) (rigid) or Ritz(1) (uniform strain).")
 
     def shapes(self, s: Float[Array, "*points"], about: Float[Array, ""]) -> Float[Array, "n+1 *points"]:

@@ -18,6 +18,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
+from . import checks
 from .rod import Cone, Rod, Uniform
 
 
@@ -54,14 +55,15 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
 def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[Array, " n"]:
     """The first n roots kappa of kappa cot kappa = 1 - held / free: a cone with these end radii.
 
-    One root lies in each interval ((k - 1) pi, k pi).
+    One root lies in each interval ((k - 1) pi, k pi], at its end for a pointed tip, where the brackets must not end.
     """
 
     def equation(kappa, radii):
         held, free = radii
         return free * kappa * jnp.cos(kappa) - (free - held) * jnp.sin(kappa)
 
-    return _roots(equation, held, free, np.arange(n) * np.pi)
+    ends = (np.arange(n) + 1) * np.pi + 0.5
+    return _roots(equation, held, free, np.concatenate([[0.0], ends])[:n], ends)
 
 
 @eqx.filter_jit
@@ -76,7 +78,8 @@ def free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Floa
         taper = (first - second) ** 2
         return (first * second * kappa**2 + taper) * jnp.sin(kappa) - taper * kappa * jnp.cos(kappa)
 
-    return _roots(equation, first, second, (np.arange(n) + 1) * np.pi - 0.5)
+    starts = (np.arange(n) + 1) * np.pi - 0.5
+    return _roots(equation, first, second, starts, starts + np.pi)
 
 
 def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: int = 200) -> Float[Array, " T"]:
@@ -84,7 +87,7 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
 
     `strain` at t = 0, `ts` in s.  The exact motion has kinks; its series converges as 1/n.
     """
-    rod = system.rod
+    rod = _held_at_root(system)
     root, tip = _radii(rod)
     kappa = held_free(root, tip, n)
     x, w = np.polynomial.legendre.leggauss(2 * n)
@@ -102,7 +105,7 @@ def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
     Grows without bound as the rate nears the first natural frequency.  Uniform rod: (tan K / K - 1) length, with
     K = rate length / sqrt(E / rho).
     """
-    rod = system.rod
+    rod = _held_at_root(system)
     root, tip = _radii(rod)
     slope, k = tip - root, rate * rod.length / rod.wave_speed
     # w = radius u solves w'' + K^2 w = -K^2 s radius;  w(0) = 0,  radius w' = slope w at the tip.
@@ -110,6 +113,15 @@ def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
     part_slope = -root - 2 * slope + 2 * slope / k * jnp.sin(k)
     sine = (slope * part - tip * part_slope) / (tip * k * jnp.cos(k) - slope * jnp.sin(k))
     return rod.length * (part + sine * jnp.sin(k)) / tip
+
+
+def _held_at_root(system: Any) -> Rod:
+    pivot = getattr(system.motion, "pivot", None)
+    if pivot is None or checks.fails(lambda s: s == 0, pivot):
+        raise ValueError(
+            f"motion={type(system.motion).__name__}: this closed form is of a rod held at its root; take Rotation()."
+        )
+    return system.rod
 
 
 def _radii(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -123,8 +135,8 @@ def _radii(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
             raise ValueError(f"exact frequencies need section=Uniform(...) or Cone(...), not {kind}.")
 
 
-def _roots(equation, first, second, starts) -> Float[Array, " n"]:
-    """The root of equation(kappa, radii) in each interval (start, start + pi)."""
+def _roots(equation, first, second, starts, ends) -> Float[Array, " n"]:
+    """The root of equation(kappa, radii) in each interval (start, end)."""
     # Radii matter by their ratio alone; scaled, the equation is of order one.
     scale = jax.lax.stop_gradient(jnp.maximum(first, second))
     radii = (first / scale, second / scale)
@@ -132,9 +144,9 @@ def _roots(equation, first, second, starts) -> Float[Array, " n"]:
     solver = optx.Bisection(rtol=0.0, atol=0.0)  # halve until the interval is one rounding wide
     halvings = jnp.finfo(dtype).nmant + 4
 
-    def root(start):
-        options = {"lower": start, "upper": start + jnp.pi}
-        guess = start + jnp.pi / 2
+    def root(start, end):
+        options = {"lower": start, "upper": end}
+        guess = (start + end) / 2
         return optx.root_find(equation, solver, guess, radii, options, max_steps=halvings, throw=False).value
 
-    return jax.vmap(root)(jnp.asarray(starts, dtype))
+    return jax.vmap(root)(jnp.asarray(starts, dtype), jnp.asarray(ends, dtype))

@@ -31,7 +31,7 @@ def sweep(fn: Callable[[PyTree[Array]], PyTree[Array]], inputs: PyTree[Array], *
     [0. 1. 4. 9.]
     """
     sizes = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(inputs)}
-    if len(sizes) != 1 or sizes == {()}:
+    if len(sizes) != 1 or sizes & {(), (0,)}:
         raise ValueError(
             f"inputs have leading axes {sorted(sizes)}; give arrays of one common length, one entry a scene."
         )

@@ -25,6 +25,17 @@ def integrate(
     system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
     progress_meter, max_steps,
 ):  # fmt: skip
+    valid, given_ts = t1 > t0, ts
+    if ts is not None:
+        valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
+        ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
+    if isinstance(system, System):
+        # An invalid scene is run with ones for all its numbers: its own would keep its neighbours waiting for NaN.
+        given, valid = system, valid & system.valid(start)
+        system, start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), (system, start))
+    else:
+        given = system
+    t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
     lagrangian = system if chart is None else system.lagrangian(chart)
     strains = chart is not None and system.basis.n > 0
     y0 = Tracked(
@@ -57,7 +68,6 @@ def integrate(
         progress_meter=progress_meter,
     )  # fmt: skip
 
-    valid = system.valid(start) if isinstance(system, System) else jnp.asarray(True)
     saved = jnp.isfinite(raw.ts["run"]) & valid
     states = jax.tree.map(
         lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), raw.ys["run"]
@@ -67,11 +77,11 @@ def integrate(
     last = jax.tree.map(lambda y: y[-1], raw.ys["end"])
     end = _finite(last), decode(last).amplitudes if strains else jnp.zeros(0)
     return Solution(
-        ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else ts,
+        ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
         states=states,
         result=_result(raw, end, valid, event is not None),
         stats=stats,
-        system=system,
+        system=given,
         method=", ".join(type(x).__name__ for x in (solver, chart) if x is not None),
     )
 

@@ -223,7 +223,12 @@ class Rod(eqx.Module):
         """Whether the numbers make a rod: the same questions as at construction, for traced values."""
         numbers = jnp.stack([self.length, self.young, self.density])
         s, _ = self.quadrature()
-        return jnp.all(jnp.isfinite(numbers) & (numbers > 0)) & jnp.all(self.area(s) > 0)
+        radii = [x for x in jax.tree.leaves(self.section) if isinstance(self.section, Uniform | Cone)]
+        return (
+            jnp.all(jnp.isfinite(numbers) & (numbers > 0))
+            & jnp.all(self.area(s) > 0)
+            & jnp.all(jnp.array([jnp.asarray(True), *(radius >= 0 for radius in radii)]))
+        )
 
 
 class Lumped(eqx.Module):

@@ -107,6 +107,10 @@ def simulate(
         raise ValueError(f"start={start!r} does not fit; this system starts from {needed}.")
     dtype = checks.float_type(system, start)
     system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
+    if chart is not None and not (isinstance(chart, AbstractChart) and isinstance(system, System)):
+        raise ValueError(
+            f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
+        )
     if isinstance(start, State):
         chart = default_chart(system) if chart is None else chart
         _check_start(system, start)
@@ -141,6 +145,9 @@ def _times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
             "saveat= goes with t1=, without dense= and subs=; give SaveAt(ts=...), SaveAt(steps=True), or ts=."
         )
     t0 = checks.number("t0", t0).astype(dtype)
+    inner = None if saveat is None else saveat.subs.ts
+    if inner is not None and checks.fails(lambda ts, t0, t1: (ts >= t0) & (ts <= t1), inner, t0, t1):
+        raise ValueError(f"saveat.ts={checks.shown(inner)} must lie between t0={checks.shown(t0)} and t1={t1}.")
     if ts is None:
         t1 = checks.number("t1", t1).astype(dtype)
         if checks.fails(np.greater, t1, t0):
@@ -173,6 +180,10 @@ def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
 
 
 def _check_steps(solver, stepsize_controller, dt0, n_steps) -> None:
+    if not isinstance(solver, diffrax.AbstractSolver):
+        raise ValueError(f"solver={solver!r} is not a solver; give an instance, such as diffrax.Tsit5().")
+    if dt0 is not None:
+        checks.positive("dt0", dt0, "seconds")
     if n_steps is not None:
         if n_steps < 1 or int(n_steps) != n_steps:
             raise ValueError(f"n_steps={n_steps} must be a positive whole number.")

@@ -48,8 +48,14 @@ class System(eqx.Module):
         self.rod, self.motion = rod, motion
         self.basis = Ritz(1) if basis is None else basis
         self.gravity = None if gravity is None else checks.not_negative("gravity", gravity, "m/s^2, or None")
+        if not isinstance(forces, tuple | list):
+            raise ValueError(f"forces={forces!r} is not a sequence of forces; give a tuple such as (Torque(1.0),).")
         self.forces = tuple(forces)
-        for name, value, kind in (("rod", rod, Rod | Lumped), ("motion", motion, AbstractMotion)):
+        for name, value, kind in (
+            ("rod", rod, Rod | Lumped),
+            ("motion", motion, AbstractMotion),
+            ("basis", self.basis, Ritz),
+        ):
             if not isinstance(value, kind):
                 raise ValueError(f"{name}={value!r} is not a {name}; give an instance such as {_EXAMPLES[name]}.")
         for force in self.forces:
@@ -149,7 +155,12 @@ class System(eqx.Module):
     def valid(self, start: State) -> Array:
         """Whether rod and start make sense: what construction asks of known numbers, for traced ones."""
         finite = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(eqx.filter((self, start), eqx.is_inexact_array))]
-        return self.rod.valid() & jnp.all(jnp.stack(finite)) & jnp.all(start.amplitudes > -1)
+        valid = self.rod.valid() & jnp.all(jnp.stack(finite)) & jnp.all(start.amplitudes > -1)
+        if self.gravity is not None:
+            valid = valid & (self.gravity >= 0)
+        if isinstance(self.motion, AbstractPivoted):
+            valid = valid & (self.motion.pivot >= 0) & (self.motion.pivot <= self.rod.length)
+        return valid
 
     # ---- energies of a state, in J
 
@@ -250,7 +261,7 @@ def _weight(body: Projection, mass, gravity, place: Placement) -> Float[Array, "
     return energy.gravity_center(mass, gravity, place.center)
 
 
-_EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()"}
+_EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}
 
 
 def _whole(rod: Rod | Lumped) -> Rod:

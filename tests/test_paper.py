@@ -135,3 +135,18 @@ def test_command_line(tmp_path):
     done = run("paper")
     assert done.returncode == 0 and "(5) with another inertia" in done.stdout
     assert (tmp_path / "paper" / "figure2.png").stat().st_size > 20_000
+
+
+@pytest.mark.parametrize(("tip", "roots"), [(0.0, [1.0, 2.0, 3.0]), (0.02, [0.5, 1.5, 2.5])])
+def test_pointed_and_uniform_tips(tip, roots):
+    """kappa = n pi for a rod that ends in a point: the ends of the intervals that the roots lie in."""
+    rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), 1e7, 1200.0)
+    found = jaxrod.continuum.natural_frequencies(jaxrod.System(rod, jaxrod.Rotation()), 3)
+    assert np.asarray(found) * 2 / float(rod.wave_speed) == pytest.approx(roots, rel=1e-13)
+
+
+def test_closed_forms_of_a_rod_held_elsewhere_are_refused():
+    rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), 1e7, 1200.0)
+    for motion in (jaxrod.Flight(), jaxrod.Rotation(pivot=0.5)):
+        with pytest.raises(ValueError, match="of a rod held at its root"):
+            jaxrod.continuum.steady_spin(jaxrod.System(rod, motion), 1.0)
