@@ -18,7 +18,10 @@ class Result(eqx.Enumeration):
     )
     max_steps = "the run stopped at max_steps before its end; raise max_steps, loosen the tolerance or shorten the run"
     non_finite = "the numbers stopped being finite; with a fixed step, take a smaller one"
-    invalid = "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, or a strain at or below -1)"
+    invalid = (
+        "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, or a strain at or "
+        "below -1)"
+    )
 
 
 class SimulationError(RuntimeError):
