@@ -156,8 +156,6 @@ class System(eqx.Module):
         """Whether rod and start make sense: what construction asks of known numbers, for traced ones."""
         finite = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(eqx.filter((self, start), eqx.is_inexact_array))]
         valid = self.rod.valid() & jnp.all(jnp.stack(finite)) & jnp.all(start.amplitudes > -1)
-        if self.gravity is not None:
-            valid = valid & (self.gravity >= 0)
         if isinstance(self.motion, AbstractPivoted):
             valid = valid & (self.motion.pivot >= 0) & (self.motion.pivot <= self.rod.length)
         return valid
