@@ -22,5 +22,6 @@ def test_runs(source):
 def test_committed_outputs_belong_to_the_source(source):
     written, executed = jupytext.read(source), jupytext.read(source.with_suffix(".ipynb"))
     assert [cell.source for cell in written.cells] == [cell.source for cell in executed.cells]
-    pictures = [o for cell in executed.cells if cell.cell_type == "code" for o in cell.outputs if "image/png" in o.get("data", {})]
+    outputs = [output for cell in executed.cells if cell.cell_type == "code" for output in cell.outputs]
+    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
     assert len(pictures) == 2
