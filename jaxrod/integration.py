@@ -136,7 +136,7 @@ def _natural_rate(system: System, start: State, duration) -> Float[Array, ""]:
     if system.basis.n:
         square = square + body.stiffness_matrix[0, 0] / body.mass_matrix[1, 1]
     if system.gravity is not None and not isinstance(system.motion, Flight):
-        square = square + system.gravity * jnp.abs(body.first_moments[0]) / body.mass_matrix[0, 0]
+        square = square + jnp.abs(system.gravity * body.first_moments[0]) / body.mass_matrix[0, 0]
     return jnp.sqrt(square)
 
 
