@@ -1,6 +1,7 @@
 from . import claims as claims
 from . import continuum as continuum
 from . import energy as energy
+from . import law as law
 from . import paper as paper
 from . import plot as plot
 from .basis import Ritz as Ritz
@@ -24,11 +25,13 @@ from .motion import Spherical as Spherical
 from .motion import State as State
 from .result import Result as Result
 from .result import SimulationError as SimulationError
-from .rod import Cone as Cone
+from .section import Cone as Cone
 from .rod import Lumped as Lumped
-from .rod import Profile as Profile
+from .section import Profile as Profile
 from .rod import Rod as Rod
-from .rod import Uniform as Uniform
+from .section import Steps as Steps
+from .section import Table as Table
+from .section import Uniform as Uniform
 from .simulation import default_chart as default_chart
 from .simulation import default_solver as default_solver
 from .simulation import simulate as simulate

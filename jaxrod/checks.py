@@ -76,3 +76,8 @@ def shown(value: Any) -> str:
     """A value as it is written in an error message."""
     array = np.asarray(value)
     return f"{array:.6g}" if array.ndim == 0 else np.array2string(array, precision=6, threshold=8)
+
+
+def brief(value: Any) -> str:
+    """A number as it is written in a representation."""
+    return f"{value:.6g}" if known(value) and jnp.ndim(value) == 0 else repr(value)

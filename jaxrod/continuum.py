@@ -19,7 +19,8 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from . import checks
-from .rod import Cone, Rod, Uniform
+from .rod import Rod
+from .section import Cone, Uniform
 
 
 def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:

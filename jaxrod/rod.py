@@ -4,9 +4,9 @@ Material coordinate s runs from the root (s = 0, the paper's radius r) to the ti
 Every number is a leaf of a pytree: a gradient can be taken in each.
 """
 
-import abc
 import warnings
-from typing import Any, ClassVar
+from collections.abc import Callable, Sequence
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,119 +14,29 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from . import checks, law
+from .section import AbstractSection, Profile, profile
 
 _FASTEST_SOLID = 2.0e4  # m/s: sound in diamond is about 18 km/s
-_ORDER = 24  # Gauss-Legendre points per smooth piece; exact for polynomial integrands of degree 47
-
-
-class AbstractSection(eqx.Module):
-    """The cross-section along the rod: `area(s, length)` in m^2, and the `breaks` between its smooth pieces."""
-
-    breaks: eqx.AbstractVar[tuple[float, ...]]
-
-    @abc.abstractmethod
-    def area(self, s: Float[Array, "*points"], length: Float[Array, ""]) -> Float[Array, "*points"]:
-        """Area in m^2 at the material coordinates s (m) of a rod of this length (m)."""
-
-
-class Uniform(AbstractSection):
-    """A circular section of constant radius.
-
-    **Arguments:** `radius` in m, positive.
-
-    >>> import jaxrod
-    >>> jaxrod.Uniform(radius=0.025)
-    Uniform(radius=0.025)
-    """
-
-    radius: Float[Array, ""]
-    breaks: ClassVar[tuple[float, ...]] = ()
-
-    def __init__(self, radius):
-        self.radius = checks.positive("Uniform(radius=)", radius, "metres")
-
-    def area(self, s, length):
-        return jnp.pi * self.radius**2 * jnp.ones_like(s)
-
-    def __repr__(self):
-        return f"Uniform(radius={_brief(self.radius)})"
-
-
-class Cone(AbstractSection):
-    """A circular section whose radius goes linearly from root to tip: equation (13) of the paper.
-
-    **Arguments:** `root_radius` (the paper's r, at s = 0) and `tip_radius` (R, at s = length), in m.  One of the two
-    may be zero: a pointed rod.
-
-    >>> import jaxrod
-    >>> jaxrod.Cone(root_radius=0.02, tip_radius=0.03)
-    Cone(root_radius=0.02, tip_radius=0.03)
-    """
-
-    root_radius: Float[Array, ""]
-    tip_radius: Float[Array, ""]
-    breaks: ClassVar[tuple[float, ...]] = ()
-
-    def __init__(self, root_radius, tip_radius):
-        root = checks.not_negative("Cone(root_radius=)", root_radius, "metres")
-        tip = checks.not_negative("Cone(tip_radius=)", tip_radius, "metres")
-        if checks.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
-            raise ValueError("Cone(root_radius=0, tip_radius=0) has no section left; at most one end may be a point.")
-        self.root_radius, self.tip_radius = root, tip
-
-    def radius(self, s, length):
-        """r(s) = r + (R - r) s / length, in m: equation (13)."""
-        return self.root_radius + (self.tip_radius - self.root_radius) * s / length
-
-    def area(self, s, length):
-        return jnp.pi * self.radius(s, length) ** 2
-
-    def __repr__(self):
-        return f"Cone(root_radius={_brief(self.root_radius)}, tip_radius={_brief(self.tip_radius)})"
-
-
-class Profile(AbstractSection):
-    """Any area A(s), given as a function of the material coordinate s in m; `Rod` wraps a bare function in it.
-
-    **Arguments:** `function`, s -> area in m^2 (works on arrays; numbers in an Equinox module are differentiable), and
-    `breaks`, the coordinates in m where it is not smooth.
-
-    >>> import jax.numpy as jnp, jaxrod
-    >>> rod = jaxrod.Rod(length=1.0, section=lambda s: 1e-3 * jnp.exp(-s), young=1e7, density=1200.0)
-    >>> print(f"{rod.mass:.6f} kg")
-    0.758545 kg
-    """
-
-    function: Any
-    breaks: tuple[float, ...] = eqx.field(static=True)
-
-    def __init__(self, function, breaks=()):
-        if not callable(function):
-            raise ValueError(f"section={function!r} is not a section; give Uniform, Cone, or a function of s.")
-        if list(breaks) != sorted(set(breaks)):
-            raise ValueError(f"breaks={breaks} must increase from root to tip.")
-        self.function = function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)
-        self.breaks = tuple(breaks)
-
-    def area(self, s, length):
-        del length
-        return jnp.broadcast_to(jnp.asarray(self.function(s)), jnp.shape(s))
+_ORDER = 16  # Gauss-Legendre points per panel; exact for polynomial integrands of degree 31
 
 
 class Rod(eqx.Module):
-    """A thin straight rod of one material.
+    """A thin straight rod.
 
     **Arguments:**
 
     - `length`: unstretched length in m (the paper's l0).
-    - `section`: `Uniform`, `Cone`, or any function s -> area in m^2.
-    - `young`: Young's modulus E in Pa.
-    - `density`: rho in kg/m^3.
+    - `section`: `Uniform`, `Cone`, `Table`, `Steps`, or any function s -> area in m^2.
+    - `young`: Young's modulus E in Pa; a number, or a function of s such as `Steps` or `Profile`.
+    - `density`: rho in kg/m^3; likewise.
+    - `tip_mass`: mass in kg of a body at the tip, or None; `tip_inertia`: its moment of inertia in kg m^2 about its own
+      centre, or None for a point.
+    - `law`: strain energy over E as a function of strain, such as `jaxrod.law.neo_hookean`; Hooke's law if left out.
 
-    **Raises:** `ValueError` for a number that is not positive and finite, and for a section that vanishes inside the
-    rod.  **Warns** when the wave speed sqrt(E / rho) exceeds 20 km/s: no solid is that stiff, the unit of `young` or
-    `density` is likely wrong.
+    **Raises:** `ValueError` for a number that is not positive and finite, and for a section, modulus or density that
+    vanishes inside the rod.  **Warns** when the wave speed sqrt(E / rho) exceeds 20 km/s: no solid is that stiff, the
+    unit of `young` or `density` is likely wrong.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -136,57 +46,121 @@ class Rod(eqx.Module):
 
     length: Float[Array, ""]
     section: AbstractSection
-    young: Float[Array, ""]
-    density: Float[Array, ""]
+    young: Float[Array, ""] | Profile
+    density: Float[Array, ""] | Profile
+    tip_mass: Float[Array, ""] | None
+    tip_inertia: Float[Array, ""] | None
+    law: Any
 
-    def __init__(self, length, section, young, density):
+    def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=law.hooke):
         self.length = checks.positive("length", length, "metres")
-        self.young = young = checks.positive("young", young, "pascals (rubber about 1e7, steel 2e11)")
-        self.density = density = checks.positive("density", density, "kg/m^3")
+        self.young = profile("young", young, "pascals (rubber about 1e7, steel 2e11)")
+        self.density = profile("density", density, "kg/m^3")
+        self.tip_mass = None if tip_mass is None else checks.not_negative("tip_mass", tip_mass, "kg, or None")
+        if tip_inertia is not None and tip_mass is None:
+            raise ValueError(f"tip_inertia={tip_inertia!r} belongs to a body at the tip; give tip_mass= too.")
+        self.tip_inertia = (
+            None if tip_inertia is None else checks.not_negative("tip_inertia", tip_inertia, "kg m^2, or None")
+        )
+        if not callable(law):
+            raise ValueError(f"law={law!r} is not a strain law; give a function of strain such as jaxrod.law.green.")
+        self.law = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
-        if checks.fails(lambda young, density: young <= _FASTEST_SOLID**2 * density, young, density):
-            warnings.warn(
-                f"wave speed sqrt(young/density) = {np.sqrt(np.asarray(young) / np.asarray(density)):.3g} m/s is beyond "
-                f"any solid (diamond 1.8e4 m/s): is young={checks.shown(young)} in Pa and density={checks.shown(density)} "
-                "in kg/m^3? (The paper prints rubber's modulus as "
-                "10^7 MPa where 10^7 Pa is meant.)",
-                stacklevel=2,
-            )
-        self._check_section()
+        self._check_profiles()
 
-    def _check_section(self):
-        s, _ = self.quadrature()
-        area = self.area(s)
-        if checks.fails(lambda area: (area > 0) & np.isfinite(area), area):
-            first = int(np.argmin((np.asarray(area) > 0) & np.isfinite(area)))
+    def _check_profiles(self):
+        outside = [s for s in self.breaks if checks.fails(lambda length, s=s: 0 < s < length, self.length)]
+        if outside:
+            raise ValueError(f"breaks hold {outside[0]:.6g} m, outside of 0 < s < length={checks.shown(self.length)} m.")
+        positions = getattr(self.section, "positions", None)
+        if positions is not None and checks.fails(
+            lambda s, length: s[0] <= 1e-9 * length and s[-1] >= length * (1 - 1e-9), positions, self.length
+        ):
             raise ValueError(
-                f"section has area {float(area[first]):.3g} m^2 at s={float(s[first]):.4g} m; it must be positive all "
-                f"along the rod (0 < s < length={float(self.length):.4g} m)."
+                f"Table(positions={checks.shown(positions)}) must reach from 0 to length={checks.shown(self.length)} m."
             )
+        s, _ = self.quadrature()
+        for name, values, unit in (
+            ("section has area", self.area(s), "m^2"),
+            ("young is", self.modulus(s), "Pa"),
+            ("density is", self.mass_density(s), "kg/m^3"),
+        ):
+            if checks.fails(lambda x: (x > 0) & np.isfinite(x), values):
+                first = int(np.argmin((np.asarray(values) > 0) & np.isfinite(values)))
+                raise ValueError(
+                    f"{name} {float(values[first]):.3g} {unit} at s={float(s[first]):.4g} m; it must be positive all "
+                    f"along the rod (0 < s < length={float(self.length):.4g} m)."
+                )
+        if checks.fails(lambda E, rho: np.all(E <= _FASTEST_SOLID**2 * rho), self.modulus(s), self.mass_density(s)):
+            fastest = np.sqrt(np.max(np.asarray(self.modulus(s)) / np.asarray(self.mass_density(s))))
+            warnings.warn(
+                f"wave speed sqrt(young/density) = {fastest:.3g} m/s is beyond any solid (diamond 1.8e4 m/s): is "
+                f"young={checks.brief(self.young)} in Pa and density={checks.brief(self.density)} in kg/m^3? (The paper "
+                "prints rubber's modulus as 10^7 MPa where 10^7 Pa is meant.)",
+                stacklevel=3,
+            )
+
+    # ---- along the rod
+
+    @property
+    def linear(self) -> bool:
+        """Whether the strain law is Hooke's."""
+        return getattr(self.law, "func", None) is law.hooke
+
+    @property
+    def breaks(self) -> tuple[float, ...]:
+        """Where section, modulus or density jump: coordinates in m, increasing."""
+        return tuple(sorted({s for x in (self.section, self.young, self.density) for s in getattr(x, "breaks", ())}))
 
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
         return self.section.area(s, self.length)
 
-    def quadrature(self) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Points s and weights ds (m) of the Gauss-Legendre rule on each smooth piece of the section."""
-        dtype = checks.float_type(self)
-        x, w = (jnp.asarray(column, dtype) for column in np.polynomial.legendre.leggauss(_ORDER))
-        ends = jnp.stack([jnp.asarray(end, dtype) for end in (0.0, *self.section.breaks, self.length)])
+    def modulus(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        """Young's modulus in Pa at s (m)."""
+        return self.young(s) if isinstance(self.young, Profile) else jnp.broadcast_to(self.young, jnp.shape(s))
+
+    def mass_density(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        """Density in kg/m^3 at s (m)."""
+        return self.density(s) if isinstance(self.density, Profile) else jnp.broadcast_to(self.density, jnp.shape(s))
+
+    def quadrature(
+        self, order: int = _ORDER, at: Sequence[Float[Array, ""]] = ()
+    ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
+        """Points s and weights ds (m) of a Gauss-Legendre rule of this order on each panel.
+
+        Panels end where a profile jumps, at the knots of the section, and at the coordinates `at`.
+        """
+        dtype = checks.float_type(self, list(at))
+        x, w = (jnp.asarray(column, dtype) for column in np.polynomial.legendre.leggauss(order))
+        inner = jnp.concatenate(
+            [
+                jnp.asarray(self.breaks, dtype),
+                self.section.knots(self.length).astype(dtype),
+                *(jnp.asarray(s, dtype)[None] for s in at),
+            ]
+        )
+        zero, end = jnp.zeros(1, dtype), self.length.astype(dtype)[None]
+        ends = jnp.concatenate([zero, jnp.sort(inner), end]) if inner.size else jnp.concatenate([zero, end])
         half = jnp.diff(ends)[:, None] / 2
         return (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
 
     def integrate(self, values: Float[Array, "*any points"]) -> Float[Array, "*any"]:
-        """Integral over the volume, int A(s) values(s) ds, of values at the points of `quadrature`."""
+        """Integral over the volume, int A(s) values(s) ds, of values at the points of `quadrature()`."""
         s, ds = self.quadrature()
         return values @ (self.area(s) * ds)
 
+    # ---- as a whole
+
     @property
     def wave_speed(self) -> Float[Array, ""]:
-        """Speed of axial waves sqrt(E / rho) in m/s."""
-        return jnp.sqrt(self.young / self.density)
+        """Speed of axial waves sqrt(E / rho) in m/s; of a composite rod, length over the time from end to end."""
+        if not isinstance(self.young, Profile) and not isinstance(self.density, Profile):
+            return jnp.sqrt(self.young / self.density)
+        s, ds = self.quadrature()
+        return self.length / jnp.sum(ds * jnp.sqrt(self.mass_density(s) / self.modulus(s)))
 
     @property
     def volume(self) -> Float[Array, ""]:
@@ -194,25 +168,31 @@ class Rod(eqx.Module):
         s, _ = self.quadrature()
         return self.integrate(jnp.ones_like(s))
 
+    def _mass_moment(self, weight: Callable[[Array], Array]) -> Float[Array, ""]:
+        """int rho A weight(s) ds, and the same for the body at the tip."""
+        s, _ = self.quadrature()
+        moment = self.integrate(self.mass_density(s) * weight(s))
+        return moment if self.tip_mass is None else moment + self.tip_mass * weight(self.length)
+
     @property
     def mass(self) -> Float[Array, ""]:
-        """int rho A ds in kg."""
-        return self.density * self.volume
+        """int rho A ds in kg, and the body at the tip."""
+        return self._mass_moment(jnp.ones_like)
 
     @property
     def stiffness(self) -> Float[Array, ""]:
         """Axial rigidity summed over the length, int E A ds in N m: c l0^2 of the uniform strain."""
-        return self.young * self.volume
+        s, _ = self.quadrature()
+        return self.integrate(self.modulus(s))
 
     def first_moment(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
-        """int rho A (s - about) ds in kg m."""
-        s, _ = self.quadrature()
-        return self.density * self.integrate(s - about)
+        """int rho A (s - about) ds in kg m, with the body at the tip."""
+        return self._mass_moment(lambda s: s - about)
 
     def moment_of_inertia(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
-        """int rho A (s - about)^2 ds in kg m^2: (16) for the cone about its root."""
-        s, _ = self.quadrature()
-        return self.density * self.integrate((s - about) ** 2)
+        """int rho A (s - about)^2 ds in kg m^2, with the body at the tip: (16) for the cone about its root."""
+        inertia = self._mass_moment(lambda s: (s - about) ** 2)
+        return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 
     @property
     def center_of_mass(self) -> Float[Array, ""]:
@@ -221,14 +201,10 @@ class Rod(eqx.Module):
 
     def valid(self) -> Array:
         """Whether the numbers make a rod: the same questions as at construction, for traced values."""
-        numbers = jnp.stack([self.length, self.young, self.density])
         s, _ = self.quadrature()
-        radii = [x for x in jax.tree.leaves(self.section) if isinstance(self.section, Uniform | Cone)]
-        return (
-            jnp.all(jnp.isfinite(numbers) & (numbers > 0))
-            & jnp.all(self.area(s) > 0)
-            & jnp.all(jnp.array([jnp.asarray(True), *(radius >= 0 for radius in radii)]))
-        )
+        positive = jnp.concatenate([self.length[None], self.area(s), self.modulus(s), self.mass_density(s)])
+        tip = jnp.stack([jnp.zeros_like(self.length), *(x for x in (self.tip_mass, self.tip_inertia) if x is not None)])
+        return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid()
 
 
 class Lumped(eqx.Module):
@@ -266,8 +242,4 @@ class Lumped(eqx.Module):
 
     def __repr__(self):
         names = ("inertia", "first_moment", "stiffness", "length")
-        return f"Lumped({', '.join(f'{name}={_brief(getattr(self, name))}' for name in names)})"
-
-
-def _brief(value: Array) -> str:
-    return f"{value:.6g}" if checks.known(value) and value.ndim == 0 else repr(value)
+        return f"Lumped({', '.join(f'{name}={checks.brief(getattr(self, name))}' for name in names)})"

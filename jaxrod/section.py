@@ -1,0 +1,230 @@
+"""Cross-sections, and whatever else varies along the rod.
+
+A profile is a function of the material coordinate s (m, from the root) with `breaks`: the coordinates where it jumps.
+"""
+
+import abc
+from typing import Any, ClassVar
+
+import equinox as eqx
+import interpax
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from . import checks
+
+_TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
+_STEEPEST = 1e4  # ratio of radii beyond which a cone counts as pointed
+
+
+class AbstractSection(eqx.Module):
+    """The cross-section along the rod: `area(s, length)` in m^2, and the `breaks` where it jumps."""
+
+    breaks: eqx.AbstractVar[tuple[float, ...]]
+
+    @abc.abstractmethod
+    def area(self, s: Float[Array, "*points"], length: Float[Array, ""]) -> Float[Array, "*points"]:
+        """Area in m^2 at the material coordinates s (m) of a rod of this length (m)."""
+
+    def knots(self, length: Float[Array, ""]) -> Float[Array, " knots"]:
+        """Coordinates in m where a quadrature should pause although nothing jumps."""
+        return jnp.zeros(0, length.dtype)
+
+    def valid(self) -> Array:
+        """Whether the numbers make a section, beyond a positive area."""
+        return jnp.asarray(True)
+
+
+class Uniform(AbstractSection):
+    """A circular section of constant radius.
+
+    **Arguments:** `radius` in m, positive.
+
+    >>> import jaxrod
+    >>> jaxrod.Uniform(radius=0.025)
+    Uniform(radius=0.025)
+    """
+
+    radius: Float[Array, ""]
+    breaks: ClassVar[tuple[float, ...]] = ()
+
+    def __init__(self, radius):
+        self.radius = checks.positive("Uniform(radius=)", radius, "metres")
+
+    def area(self, s, length):
+        return jnp.pi * self.radius**2 * jnp.ones_like(s)
+
+    def valid(self):
+        return self.radius > 0
+
+    def __repr__(self):
+        return f"Uniform(radius={checks.brief(self.radius)})"
+
+
+class Cone(AbstractSection):
+    """A circular section whose radius goes linearly from root to tip: equation (13) of the paper.
+
+    **Arguments:** `root_radius` (the paper's r, at s = 0) and `tip_radius` (R, at s = length), in m.  One of the two
+    may be zero: a pointed rod.
+
+    >>> import jaxrod
+    >>> jaxrod.Cone(root_radius=0.02, tip_radius=0.03)
+    Cone(root_radius=0.02, tip_radius=0.03)
+    """
+
+    root_radius: Float[Array, ""]
+    tip_radius: Float[Array, ""]
+    breaks: ClassVar[tuple[float, ...]] = ()
+
+    def __init__(self, root_radius, tip_radius):
+        root = checks.not_negative("Cone(root_radius=)", root_radius, "metres")
+        tip = checks.not_negative("Cone(tip_radius=)", tip_radius, "metres")
+        if checks.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
+            raise ValueError("Cone(root_radius=0, tip_radius=0) has no section left; at most one end may be a point.")
+        self.root_radius, self.tip_radius = root, tip
+
+    def radius(self, s, length):
+        """r(s) = r + (R - r) s / length, in m: equation (13)."""
+        return self.root_radius + (self.tip_radius - self.root_radius) * s / length
+
+    def area(self, s, length):
+        return jnp.pi * self.radius(s, length) ** 2
+
+    def knots(self, length):
+        # Where log(radius) has gone k / 8 of its way.  For nearly equal radii the way in s itself: nothing to resolve.
+        widest = jnp.maximum(self.root_radius, self.tip_radius)
+        root, tip = (jnp.maximum(r, widest / _STEEPEST) for r in (self.root_radius, self.tip_radius))
+        log_ratio = jnp.log(tip / root)
+        part = jnp.arange(1, _TAPERS, dtype=length.dtype) / _TAPERS
+        tapered = jnp.abs(log_ratio) > 0.1
+        way = jnp.expm1(part * jnp.where(tapered, log_ratio, 1.0)) / jnp.expm1(jnp.where(tapered, log_ratio, 1.0))
+        return jax.lax.stop_gradient(length * jnp.where(tapered, way, part))
+
+    def valid(self):
+        return (self.root_radius >= 0) & (self.tip_radius >= 0)
+
+    def __repr__(self):
+        return f"Cone(root_radius={checks.brief(self.root_radius)}, tip_radius={checks.brief(self.tip_radius)})"
+
+
+class Table(AbstractSection):
+    """A measured section: areas (or radii of circles) at some points, a monotone cubic through their logarithm.
+
+    The area is positive and has no waves between the points: Fritsch and Carlson (1980).
+
+    **Arguments:** `positions` in m, increasing, from the root (<= 0) to the tip (>= length); and either `radii` in m or
+    `areas` in m^2 there, positive.  Differentiable in radii and areas.
+
+    **Raises:** `ValueError` for positions that do not increase, and for a section that is not positive.
+
+    >>> import jaxrod
+    >>> section = jaxrod.Table([0.0, 0.5, 1.0], radii=[0.02, 0.026, 0.03])
+    >>> rod = jaxrod.Rod(length=1.0, section=section, young=1e7, density=1200.0)
+    >>> print(f"{rod.mass:.3f} kg")
+    2.433 kg
+    """
+
+    positions: Float[Array, " points"]
+    areas: Float[Array, " points"]
+    breaks: ClassVar[tuple[float, ...]] = ()
+
+    def __init__(self, positions, radii=None, *, areas=None):
+        if (radii is None) == (areas is None):
+            given = "neither" if radii is None else "both"
+            raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
+        size = (int(jnp.size(positions)),)
+        self.positions = checks.number("Table(positions=)", positions, size)
+        name, measured = ("radii", radii) if areas is None else ("areas", areas)
+        measured = checks.number(f"Table({name}=)", measured, size)
+        if size[0] < 2:
+            raise ValueError(f"Table(positions=) holds {size[0]} points; give at least two, root and tip.")
+        if checks.fails(lambda s: np.diff(s) > 0, self.positions):
+            raise ValueError(f"Table(positions={checks.shown(self.positions)}) must increase from root to tip.")
+        if checks.fails(lambda x: x > 0, measured):
+            first = int(np.argmin(np.asarray(measured) > 0))
+            raise ValueError(
+                f"Table({name}=) is {float(measured[first]):.3g} at position {float(self.positions[first]):.4g} m; it "
+                "must be positive everywhere."
+            )
+        self.areas = jnp.pi * measured**2 if areas is None else measured
+
+    def area(self, s, length):
+        logs = interpax.interp1d(jnp.ravel(s), self.positions, jnp.log(self.areas), method="monotonic", extrap=True)
+        return jnp.exp(logs).reshape(jnp.shape(s))
+
+    def knots(self, length):
+        return jnp.clip(self.positions, 0.0, length).astype(length.dtype)
+
+    def valid(self):
+        return jnp.all(self.areas > 0) & jnp.all(jnp.diff(self.positions) > 0)
+
+
+class Steps(eqx.Module):
+    """A quantity that is constant between `breaks`: an area, a modulus or a density of a stepped or composite rod.
+
+    **Arguments:** `breaks`, increasing coordinates in m where it jumps; `values`, one more than breaks, from root to
+    tip.  Differentiable in the values.
+
+    >>> import jaxrod
+    >>> area, young = jaxrod.Steps([0.4], [2e-3, 1e-3]), jaxrod.Steps([0.7], [2e11, 7e10])
+    >>> rod = jaxrod.Rod(length=1.0, section=area, young=young, density=7800.0)
+    >>> print(f"{rod.mass:.3f} kg", rod.breaks)
+    10.920 kg (0.4, 0.7)
+    """
+
+    values: Float[Array, " pieces"]
+    breaks: tuple[float, ...] = eqx.field(static=True)
+
+    def __init__(self, breaks, values):
+        self.breaks = _increasing(breaks)
+        self.values = checks.number("Steps(values=)", values, (len(self.breaks) + 1,))
+
+    def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        return self.values[jnp.searchsorted(jnp.asarray(self.breaks, s.dtype), s)]
+
+
+class Profile(AbstractSection):
+    """Any area A(s), given as a function of the material coordinate s in m; `Rod` wraps a bare function in it.
+
+    **Arguments:** `function`, s -> area in m^2 (works on arrays; numbers in an Equinox module are differentiable), and
+    `breaks`, the coordinates in m where it jumps or has a kink.
+
+    >>> import jax.numpy as jnp, jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=lambda s: 1e-3 * jnp.exp(-s), young=1e7, density=1200.0)
+    >>> print(f"{rod.mass:.6f} kg")
+    0.758545 kg
+    """
+
+    function: Any
+    breaks: tuple[float, ...] = eqx.field(static=True)
+
+    def __init__(self, function, breaks=()):
+        if not callable(function):
+            raise ValueError(f"section={function!r} is not a section; give Uniform, Cone, Table or a function of s.")
+        self.function = function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)
+        self.breaks = _increasing(breaks)
+
+    def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
+        return jnp.broadcast_to(jnp.asarray(self.function(s)), jnp.shape(s))
+
+    def area(self, s, length):
+        del length
+        return self(s)
+
+
+def profile(name: str, value: Any, unit: str) -> Any:
+    """A positive number, or a function of s with its breaks."""
+    if isinstance(value, Profile):
+        return value
+    if callable(value):
+        return Profile(value, getattr(value, "breaks", ()))
+    return checks.positive(name, value, unit)
+
+
+def _increasing(breaks) -> tuple[float, ...]:
+    breaks = tuple(float(s) for s in breaks)
+    if list(breaks) != sorted(set(breaks)):
+        raise ValueError(f"breaks={breaks} must increase from root to tip.")
+    return breaks
