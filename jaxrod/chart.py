@@ -1,6 +1,7 @@
 """Coordinates for the same motion: a chart turns a `State` into generalized coordinates q, v and back.
 
-q holds the coordinates of the director, then those of the strain, then in flight the centre of mass in m.
+q holds the coordinates of the director, then those of the strain, then in flight the centre of mass in m.  Where the
+motion is driven the director depends on time t alone.
 """
 
 import abc
@@ -27,7 +28,7 @@ class AbstractChart(eqx.Module):
     counts_turns: ClassVar[bool]
 
     @abc.abstractmethod
-    def place(self, motion: AbstractMotion, q: Float[Array, " N"]) -> Placement:
+    def place(self, motion: AbstractMotion, t, q: Float[Array, " N"]) -> Placement:
         """The placement of the rod at q."""
 
     @abc.abstractmethod
@@ -35,17 +36,26 @@ class AbstractChart(eqx.Module):
         """q and v of one state."""
 
     @abc.abstractmethod
-    def kinetic(self, motion: AbstractMotion, body: Projection, q, v) -> Float[Array, ""]:
+    def kinetic(self, motion: AbstractMotion, body: Projection, t, q, v) -> Float[Array, ""]:
         """Kinetic energy in J of turning and stretching."""
 
     @abc.abstractmethod
-    def turns(self, motion: AbstractMotion, q, counted) -> Float[Array, ""]:
+    def solve(self, motion: AbstractMotion, body: Projection, q, right) -> Float[Array, " N"]:
+        """M^-1 right for the mass matrix M of the kinetic energy, in closed form."""
+
+    @abc.abstractmethod
+    def turns(self, motion: AbstractMotion, t, q, counted) -> Float[Array, ""]:
         """Full turns made, given those that the solver counted."""
 
-    def decode(self, motion: AbstractMotion, q, v, counted=0.0) -> State:
-        """The state at q, v."""
-        place, rate = jax.jvp(lambda q: self.place(motion, q), (q,), (v,))
-        turns = jnp.asarray(jax.lax.stop_gradient(self.turns(motion, q, counted)), q.dtype)
+    @abc.abstractmethod
+    def size(self, motion: AbstractMotion) -> int:
+        """How many coordinates the director has."""
+
+    def decode(self, motion: AbstractMotion, t, q, v, counted=0.0) -> State:
+        """The state at t, q, v."""
+        t = jnp.asarray(t, q.dtype)
+        place, rate = jax.jvp(lambda t, q: self.place(motion, t, q), (t, q), (jnp.ones_like(t), v))
+        turns = jnp.asarray(jax.lax.stop_gradient(self.turns(motion, t, q, counted)), q.dtype)
         return State(
             place.direction, rate.direction, place.amplitudes, rate.amplitudes, turns, place.center, rate.center
         )
@@ -56,7 +66,10 @@ class Angles(AbstractChart):
 
     counts_turns: ClassVar[bool] = True
 
-    def place(self, motion, q):
+    def size(self, motion):
+        return motion.dimension - 1
+
+    def place(self, motion, t, q):
         angles, amplitudes, center = _parts(motion, q, motion.dimension - 1)
         flat = jnp.cos(angles[0])
         if motion.dimension == 2:
@@ -72,18 +85,26 @@ class Angles(AbstractChart):
             rates = jnp.stack([state.rate, state.azimuth_rate])
         return _join(state, angles, rates, state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion, body, q, v):
+    def kinetic(self, motion, body, t, q, v):
         angles, a, _ = _parts(motion, q, motion.dimension - 1)
         rates, da, _ = _parts(motion, v, motion.dimension - 1)
         if motion.dimension == 2:
             return energy.kinetic_rotation(body, a, da, rates[0])
         return energy.kinetic_spherical(body, a, da, angles[0], rates[0], rates[1])
 
-    def turns(self, motion, q, counted):
+    def solve(self, motion, body, q, right):
+        angles, a, _ = _parts(motion, q, motion.dimension - 1)
+        turning, stretching, moving = _parts(motion, right, motion.dimension - 1)
+        inertia = body.inertia(a)[None]
+        if motion.dimension == 3:
+            inertia = jnp.concatenate([inertia, inertia * jnp.cos(angles[:1]) ** 2])
+        return _whole(body, turning / inertia, body.solve_strain(stretching), moving)
+
+    def turns(self, motion, t, q, counted):
         del counted
         # Past the pole (cos psi < 0) the rod points to the azimuth phi + pi.
         angle = q[0] if motion.dimension == 2 else q[1] + jnp.pi * (jnp.cos(q[0]) < 0)
-        return jnp.round((angle - heading(self.place(motion, q).direction)) / (2 * jnp.pi))
+        return jnp.round((angle - heading(self.place(motion, t, q).direction)) / (2 * jnp.pi))
 
 
 class Embedded(AbstractChart):
@@ -94,7 +115,10 @@ class Embedded(AbstractChart):
 
     counts_turns: ClassVar[bool] = False
 
-    def place(self, motion, q):
+    def size(self, motion):
+        return motion.dimension
+
+    def place(self, motion, t, q):
         q, _, center = _parts(motion, q, motion.dimension)
         stretch = jnp.sqrt(q @ q)
         return Placement(q / stretch, stretch[None] - 1, center)
@@ -110,10 +134,14 @@ class Embedded(AbstractChart):
         velocity = stretching * state.direction + stretch * state.direction_rate
         return _join(state, stretch * state.direction, velocity, none, none)
 
-    def kinetic(self, motion, body, q, v):
+    def kinetic(self, motion, body, t, q, v):
         return energy.kinetic_embedded(body, _parts(motion, v, motion.dimension)[0])
 
-    def turns(self, motion, q, counted):
+    def solve(self, motion, body, q, right):
+        flat, none, moving = _parts(motion, right, motion.dimension)
+        return _whole(body, flat / body.mass_matrix[0, 0], none, moving)
+
+    def turns(self, motion, t, q, counted):
         return counted
 
 
@@ -126,14 +154,17 @@ class Director(AbstractChart):
 
     counts_turns: ClassVar[bool] = False
 
-    def place(self, motion, q):
+    def size(self, motion):
+        return motion.dimension
+
+    def place(self, motion, t, q):
         y, amplitudes, center = _parts(motion, q, motion.dimension)
         return Placement(y / jnp.sqrt(y @ y), amplitudes, center)
 
     def encode(self, motion, state):
         return _join(state, state.direction, state.direction_rate, state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion, body, q, v):
+    def kinetic(self, motion, body, t, q, v):
         y, a, _ = _parts(motion, q, motion.dimension)
         dy, da, _ = _parts(motion, v, motion.dimension)
         square = y @ y
@@ -141,8 +172,43 @@ class Director(AbstractChart):
         dd = (dy - growth * y) / jnp.sqrt(square)
         return energy.kinetic_director(body, a, da, dd) + body.mass_matrix[0, 0] * growth**2 / 2
 
-    def turns(self, motion, q, counted):
+    def solve(self, motion, body, q, right):
+        y, a, _ = _parts(motion, q, motion.dimension)
+        turning, stretching, moving = _parts(motion, right, motion.dimension)
+        square = y @ y
+        along = (y @ turning) / square * y
+        turning = square * ((turning - along) / body.inertia(a) + along / body.mass_matrix[0, 0])
+        return _whole(body, turning, body.solve_strain(stretching), moving)
+
+    def turns(self, motion, t, q, counted):
         return counted
+
+
+class Strains(AbstractChart):
+    """q = amplitudes: all that is left where the rotation is prescribed (`Driven`)."""
+
+    counts_turns: ClassVar[bool] = True
+
+    def size(self, motion):
+        return 0
+
+    def place(self, motion, t, q):
+        angle, _, _ = motion.turning(t)
+        return Placement(jnp.stack([jnp.cos(angle), jnp.sin(angle)]), q, None)
+
+    def encode(self, motion, state):
+        return Phase(state.amplitudes, state.amplitude_rates)
+
+    def kinetic(self, motion, body, t, q, v):
+        _, rate, _ = motion.turning(t)
+        return energy.kinetic_rotation(body, q, v, rate)
+
+    def solve(self, motion, body, q, right):
+        return body.solve_strain(right)
+
+    def turns(self, motion, t, q, counted):
+        del counted
+        return jnp.round((motion.turning(t)[0] - heading(self.place(motion, t, q).direction)) / (2 * jnp.pi))
 
 
 def _parts(motion: AbstractMotion, q, size: int):
@@ -158,3 +224,9 @@ def _join(state: State, director, director_rate, amplitudes, amplitude_rates) ->
         q.append(state.center)
         v.append(state.center_velocity)
     return Phase(jnp.concatenate(q), jnp.concatenate(v))
+
+
+def _whole(body: Projection, turning, stretching, moving):
+    """The parts of M^-1 right as one vector; the centre of mass moves with the mass of the rod."""
+    parts = [turning, stretching] if moving is None else [turning, stretching, moving / body.mass]
+    return jnp.concatenate(parts)

@@ -7,6 +7,7 @@ not known yet and pass: `simulate` answers them with the result code `invalid`.
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -81,3 +82,8 @@ def shown(value: Any) -> str:
 def brief(value: Any) -> str:
     """A number as it is written in a representation."""
     return f"{value:.6g}" if known(value) and jnp.ndim(value) == 0 else repr(value)
+
+
+def carried(function: Callable[..., Any]) -> Any:
+    """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
+    return function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)

@@ -1,15 +1,19 @@
-"""The exact rod: longitudinal waves rho A u_tt = (E A u_x)_x, solved in closed form for cones.
+"""The exact rod: longitudinal waves rho A u_tt = (E A u_x)_x of any rod, held anywhere or free.
 
-With w = radius * u a cone obeys the plain wave equation; omega = kappa sqrt(E / rho) / length with, for radii r at the
-held end and R at the free one (uniform rod: r = R),
+From the point that is held, displacement is u = C (N / EA) and tension N = C* (rho A omega^2 u), where C integrates
+from that point.  On Gauss-Legendre nodes C is a matrix, exact for the polynomials of each panel, and with
 
-    held - free:    kappa cot kappa = 1 - r / R
-    free - free:    (kappa^2 + d) sin kappa = kappa d cos kappa,   d = (R - r)^2 / (R r)
+    F = (rho A ds)^1/2  C  (ds / EA)^1/2
 
-Shares no code with the strain bases; of this library it reads the rod and how it is held.
+(one more row for the body at the tip) the frequencies are omega = 1 / singular values of F.  In flight the mean of u is
+taken out of F.  A pivot inside the rod holds two parts that know nothing of each other.  In a spin of rate W the points
+at x (from the pivot, in flight from the centre of mass) rest at y with y = x + W^2 F F^T y in mass-weighted numbers.
+
+Shares no code with the strain bases; of this library it reads the rod and how it is held.  Cones have closed forms,
+`held_free` and `free_free`: with w = radius * u a cone obeys the plain wave equation.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -19,37 +23,270 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from . import checks
-from .rod import Rod
-from .section import Cone, Uniform
+from .rod import Lumped, Rod
+from .section import Cone, Profile, Uniform
 
 
 def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     """The first n axial natural frequencies of the exact rod in Hz, ascending, held as the system's motion holds it.
 
-    A pivot inside the rod holds both its parts: the frequencies are those of the two together.  Differentiable in
-    every number of the rod, forward and reverse.
+    Unstressed, without spin and gravity; to 1e-10 or better.  A pivot inside the rod holds both its parts: the
+    frequencies are those of the two together.  In flight the rod is free at both ends.  Differentiable in every number
+    of the rod and in the pivot, forward and reverse, where frequencies coincide too.
 
-    **Raises:** `ValueError` for sections other than `Uniform` and `Cone`.
+    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 0.
 
     >>> import jaxrod
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
     >>> print(jaxrod.continuum.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation()), 2).round(3))
     [19.239 67.424]
     """
+    rod, pivot, free = support(system)
+    return _natural(rod, pivot, free, n, _order(rod, pivot, n)) / (2 * jnp.pi)
+
+
+def critical_rate(system: Any) -> Float[Array, ""]:
+    """Rate of spin in rad/s at which a rod driven steadily would stretch without bound: the first natural frequency."""
+    return 2 * jnp.pi * natural_frequencies(system, 1)[0]
+
+
+def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: bool = False) -> Float[Array, " n"]:
+    """The first n axial frequencies in Hz of small vibrations about a steady spin of `rate` (rad/s), without gravity.
+
+    With the rate prescribed, sqrt(omega^2 - rate^2): the first falls to zero at the critical rate.  With `free=True` the
+    angular momentum is conserved instead: stretching slows the spin, and that stiffens the rod.  NaN where there is
+    no such vibration: prescribed, for a frequency below the rate; free, for all n at and beyond the critical rate, where
+    no steady spin exists.  Hooke's law.
+
+    **Raises:** `ValueError` for a `Lumped` body, and for another strain law than Hooke's.
+
+    >>> import jaxrod
+    >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(cone, jaxrod.Rotation())
+    >>> print(jaxrod.continuum.spinning_frequencies(system, 15.0, 2).round(3))
+    [19.09  67.382]
+    >>> print(jaxrod.continuum.spinning_frequencies(system, 15.0, 2, free=True).round(3))
+    [19.668 67.386]
+    """
+    rod, pivot, flying = _linear_support(system)
+    rate, order = checks.number("rate", rate), _order(rod, pivot, n)
+    if free:
+        return _spinning(rod, pivot, flying, rate, n, order) / (2 * jnp.pi)
+    square = _natural(rod, pivot, flying, n, order) ** 2 - rate**2
+    stable = square > 0
+    return jnp.where(stable, jnp.sqrt(jnp.where(stable, square, 1.0)), jnp.nan) / (2 * jnp.pi)
+
+
+def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
+    """Displacement of the tip in m at a steady spin `rate` (rad/s) about the pivot, without gravity.
+
+    In flight: about the centre of mass and away from it.  Grows without bound as the rate nears the critical one; NaN
+    beyond.  Uniform rod held at its root: (tan K / K - 1) length, with K = rate length / sqrt(E / rho).  Hooke's law.
+
+    **Raises:** `ValueError` for a `Lumped` body, and for another strain law than Hooke's.
+
+    >>> import jaxrod
+    >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
+    >>> print(f"{jaxrod.continuum.steady_spin(jaxrod.System(cone, jaxrod.Rotation()), 15.0):.6f} m")
+    0.012585 m
+    """
+    rod, pivot, flying = _linear_support(system)
+    return _steady_tip(rod, pivot, flying, checks.number("rate", rate), _order(rod, pivot, 1))
+
+
+# ---- how the rod is held
+
+
+def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
+    """The rod, its pivot (m from the root; None: the root itself, or none in flight), and whether it is in flight."""
     rod = system.rod
-    root, tip = _radii(rod)
+    if isinstance(rod, Lumped):
+        raise ValueError("rod=Lumped(...) has no length of material to vibrate; give a Rod(length, section, ...).")
     pivot = getattr(system.motion, "pivot", None)
-    if pivot is None:
-        kappa = free_free(root, tip, n) / rod.length
+    if pivot is not None and checks.fails(lambda s: s != 0, pivot):
+        pivot = None
+    return rod, pivot, not hasattr(system.motion, "pivot")
+
+
+def _linear_support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
+    rod, pivot, free = support(system)
+    if not rod.linear:
+        raise ValueError(f"law={rod.law!r}: the exact steady spin is of Hooke's law; leave out law=.")
+    return rod, pivot, free
+
+
+# ---- the rod on Gauss-Legendre nodes
+
+
+class Mesh(NamedTuple):
+    """A rod on its nodes: coordinates s and weights ds in m (N,), the running integral `within` each panel (N, N).
+
+    `s_mass` (m) and `mass` (kg) are N long, or N + 1 with the body at the tip.
+    """
+
+    s: Float[Array, " N"]
+    ds: Float[Array, " N"]
+    within: Float[Array, "N+1 N"]
+    s_mass: Float[Array, " M"]
+    mass: Float[Array, " M"]
+
+    def reach(self, start: Float[Array, ""] | None) -> Float[Array, "N+1 N"]:
+        """1 where a strain at s_j moves the point s_i (-1 on the root's side), both on one side of `start`.
+
+        The integral from `start` to s_i is reach @ (ds * values); the last row is the tip.  `start` must be the end of
+        a panel (None: the root).
+        """
+        if start is None:
+            return self.within
+        far = self.s > start
+        far_rows = jnp.concatenate([far, jnp.ones(1, bool)])[:, None]
+        kernel = jnp.where(far_rows, self.within, self.within - 1)
+        return jnp.where(far_rows == far[None, :], kernel, 0.0)
+
+
+def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
+    """The rod on `order` nodes for each panel; panels end at `at` (m) too."""
+    dtype = checks.float_type(rod, at)
+    ends = _ends(rod, at)
+    x, w = (jnp.asarray(column, dtype) for column in np.polynomial.legendre.leggauss(order))
+    half = jnp.diff(ends)[:, None] / 2
+    s, ds = (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
+    panels = half.shape[0]
+    panel = jnp.arange(panels * order) // order
+    inner = jnp.tile(jnp.asarray(_running_integral(order), dtype), (panels, panels))
+    within = jnp.where(panel[:, None] == panel[None, :], inner, (panel[:, None] > panel[None, :]).astype(dtype))
+    within = jnp.concatenate([within, jnp.ones((1, s.size), dtype)])
+    mass = ds * rod.mass_density(s) * rod.area(s)
+    if rod.tip_mass is None:
+        return Mesh(s, ds, within, s, mass)
+    # A rounding error of mass, for a derivative at no mass at all: the square root has none there.
+    tip = rod.tip_mass + jax.lax.stop_gradient(jnp.finfo(dtype).eps * jnp.sum(mass))
+    s_tip = rod.length.astype(dtype)
+    return Mesh(s, ds, within, jnp.append(s, s_tip), jnp.append(mass, tip.astype(dtype)))
+
+
+def safe_sqrt(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
+    """Square root, with derivative zero at zero: for panels of no length, which stay so."""
+    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+
+
+def _ends(rod: Rod, at: list[Float[Array, ""]]) -> Float[Array, " panels+1"]:
+    """Ends of the panels in m, ascending.
+
+    Coincident ends become one and the same number, so that a panel of no length does not grow under differentiation.
+    Only `at` and the length move then: what is integrated is continuous at a knot, and breaks are constants.
+    """
+    dtype = checks.float_type(rod, at)
+    zero, length = jnp.zeros((), dtype), rod.length.astype(dtype)
+    knots = jax.lax.stop_gradient(rod.section.knots(rod.length)).astype(dtype)
+    points = [zero, length, *(jnp.asarray(s, dtype) for s in at)]
+    ends = jnp.concatenate([jnp.asarray(rod.breaks, dtype), knots, jnp.stack(points)])
+    near = 8 * jnp.finfo(dtype).eps * length
+    for point in points:
+        ends = jnp.where(jnp.abs(ends - point) <= near, point, ends)
+    return jnp.sort(ends)
+
+
+def _running_integral(order: int) -> np.ndarray:
+    """K with int_-1^x_i f = sum_j K_ij w_j f(x_j), exact for polynomials: sum over k of P_k(x_j) int_-1^x_i P_k (2k+1)/2."""
+    x, _ = np.polynomial.legendre.leggauss(order)
+    legendre = np.polynomial.legendre.legvander(x, order)
+    before = np.concatenate([-np.ones((order, 1)), legendre[:, : order - 1]], axis=1)
+    return (legendre[:, 1:] - before) @ legendre[:, :order].T / 2
+
+
+def _order(rod: Rod, pivot: Any, n: int) -> int:
+    """Nodes for each panel that resolve the first n modes, and the section.
+
+    A wave needs about pi nodes for its length.  Where the rod is not known yet, one panel may hold all the waves.
+    """
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 0:
+        raise ValueError(f"n={n!r} must be a whole number of frequencies, 0 or more.")
+    ends = _ends(rod, [] if pivot is None else [pivot])
+    share = 1.0
+    if checks.known(ends):
+        s, ds = rod.quadrature(at=[] if pivot is None else [pivot])
+        time = ds * jnp.sqrt(rod.mass_density(s) / rod.modulus(s))
+        if checks.known(time):
+            by_panel = np.asarray(time).reshape(ends.size - 1, -1).sum(axis=1)
+            share = float(by_panel.max() / by_panel.sum())
+    needed = 12 + 48 / (ends.size - 1) + 1.7 * n * share
+    return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
+
+
+# ---- frequencies and shapes
+
+
+class Axial(NamedTuple):
+    """F and its nodes; the lever x (m) of its rows, mass-weighted; the tip's displacement (m) for its columns.
+
+    `sides` is F part by part, where a pivot holds two.
+    """
+
+    mesh: Mesh
+    F: Float[Array, "M N"]
+    lever: Float[Array, " M"]
+    tip: Float[Array, " N"]
+    sides: Float[Array, "parts M N"]
+
+
+def axial(rod: Rod, pivot: Any, free: bool, order: int) -> Axial:
+    """The compliance of this rod to axial forces on `order` nodes for each panel, supported as `support` says."""
+    # In flight any point will do to measure from; from the centre of mass nothing large cancels.
+    start = jax.lax.stop_gradient(rod.center_of_mass) if free else pivot
+    grid = mesh(rod, [] if start is None else [start], order)
+    weight, reach = safe_sqrt(grid.mass), grid.reach(start)
+    if free:
+        share = grid.mass / jnp.sum(grid.mass)
+        reach = reach - (share @ reach[: share.size])[None, :]
+        lever = grid.s_mass - share @ grid.s_mass
     else:
-        held = root + (tip - root) * pivot / rod.length
-        # A piece of no length would have infinite frequencies: give it a harmless length, then leave it out.
-        pieces = [
-            jnp.where(reach > 0, held_free(held, end, n) / jnp.where(reach > 0, reach, 1.0), jnp.inf)
-            for reach, end in ((rod.length - pivot, tip), (pivot, root))
-        ]
-        kappa = jnp.sort(jnp.concatenate(pieces))[:n]
-    return kappa * rod.wave_speed / (2 * jnp.pi)
+        lever = grid.s_mass if pivot is None else grid.s_mass - pivot
+    compliance = safe_sqrt(grid.ds / (rod.modulus(grid.s) * rod.area(grid.s)))
+    F = weight[:, None] * reach[: weight.size] * compliance[None, :]
+    if free or pivot is None:
+        sides = F[None]
+    else:
+        far = (grid.s > pivot)[None, :]
+        sides = jnp.stack([jnp.where(far, F, 0.0), jnp.where(far, 0.0, F)])
+    return Axial(grid, F, weight * lever, reach[-1] * compliance, sides)
+
+
+@eqx.filter_jit
+def _natural(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Float[Array, " n"]:
+    # The parts of a rod held inside are taken one by one: where their frequencies coincide each keeps its own derivative.
+    sigma = jnp.linalg.svd(axial(rod, pivot, free, order).sides, compute_uv=False)
+    return 1 / -jnp.sort(-sigma.reshape(-1))[:n]
+
+
+def _steady(held: Axial, rate: Float[Array, ""]) -> Float[Array, " M"]:
+    """Where the points rest in a steady spin, mass-weighted; NaN at and beyond the critical rate (Cholesky fails)."""
+    F = held.F
+    square = jnp.eye(F.shape[0], dtype=F.dtype) - rate**2 * (F @ F.T)
+    return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(square), held.lever)
+
+
+@eqx.filter_jit
+def _steady_tip(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], order: int) -> Float[Array, ""]:
+    held = axial(rod, pivot, free, order)
+    return rate**2 * (held.tip @ (held.F.T @ _steady(held, rate)))
+
+
+@eqx.filter_jit
+def _spinning(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], n: int, order: int) -> Float[Array, " n"]:
+    """K - W^2 + 4 W^2 Y Y^T / J in the forces p, u = F p: (1 - W^2 F^T F + ...) p = omega^2 F^T F p, and no inverse of F."""
+    held = axial(rod, pivot, free, order)
+    F, y = held.F, _steady(held, rate)
+    inertia = y @ y if rod.tip_inertia is None else y @ y + rod.tip_inertia
+    pull = F.T @ y
+    square = jnp.eye(F.shape[1], dtype=F.dtype) - rate**2 * (F.T @ F)
+    square = square + 4 * rate**2 / inertia * (pull[:, None] * pull[None, :])
+    lower = jnp.linalg.cholesky(square)
+    scaled = jax.scipy.linalg.solve_triangular(lower, F.T, lower=True)
+    return 1 / jnp.linalg.svd(scaled, compute_uv=False)[:n]
+
+
+# ---- cones in closed form
 
 
 @eqx.filter_jit
@@ -87,9 +324,10 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     """Displacement of the tip in m after letting go from uniform strain, the root held: the first n terms of the series.
 
     `strain` at t = 0, `ts` in s.  The exact motion has kinks; its series converges as 1/n.
+
+    **Raises:** `ValueError` unless the rod is a `Uniform` or `Cone` of one material, held at its root.
     """
-    rod = _held_at_root(system)
-    root, tip = _radii(rod)
+    rod, root, tip = _cone_held_at_root(system)
     kappa = held_free(root, tip, n)
     x, w = np.polynomial.legendre.leggauss(2 * n)
     x, w = jnp.asarray((x + 1) / 2), jnp.asarray(w / 2)
@@ -100,40 +338,25 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     return strain * rod.length / tip * (weight * jnp.sin(kappa)) @ jnp.cos(omega[:, None] * ts[None, :])
 
 
-def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
-    """Displacement of the tip in m at a steady, prescribed spin `rate` (rad/s) about the root, without gravity.
-
-    Grows without bound as the rate nears the first natural frequency.  Uniform rod: (tan K / K - 1) length, with
-    K = rate length / sqrt(E / rho).
-    """
-    rod = _held_at_root(system)
-    root, tip = _radii(rod)
-    slope, k = tip - root, rate * rod.length / rod.wave_speed
-    # w = radius u solves w'' + K^2 w = -K^2 s radius;  w(0) = 0,  radius w' = slope w at the tip.
-    part = -tip + 2 * slope / k**2 * (1 - jnp.cos(k))
-    part_slope = -root - 2 * slope + 2 * slope / k * jnp.sin(k)
-    sine = (slope * part - tip * part_slope) / (tip * k * jnp.cos(k) - slope * jnp.sin(k))
-    return rod.length * (part + sine * jnp.sin(k)) / tip
-
-
-def _held_at_root(system: Any) -> Rod:
-    pivot = getattr(system.motion, "pivot", None)
-    if pivot is None or checks.fails(lambda s: s == 0, pivot):
+def _cone_held_at_root(system: Any) -> tuple[Rod, Float[Array, ""], Float[Array, ""]]:
+    rod, pivot, free = support(system)
+    if free or (pivot is not None and checks.fails(lambda s: s == 0, pivot)):
         raise ValueError(
             f"motion={type(system.motion).__name__}: this closed form is of a rod held at its root; take Rotation()."
         )
-    return system.rod
-
-
-def _radii(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    match getattr(rod, "section", None):
+    if isinstance(rod.young, Profile) or isinstance(rod.density, Profile) or rod.tip_mass is not None:
+        raise ValueError(
+            "this closed form is of one material and no body at the tip; leave out tip_mass= and profiles."
+        )
+    match rod.section:
         case Uniform(radius=radius):
-            return radius, radius
+            return rod, radius, radius
         case Cone(root_radius=root, tip_radius=tip):
-            return root, tip
+            return rod, root, tip
         case section:
-            kind = type(rod if section is None else section).__name__
-            raise ValueError(f"exact frequencies need section=Uniform(...) or Cone(...), not {kind}.")
+            raise ValueError(
+                f"this closed form needs section=Uniform(...) or Cone(...), not section={type(section).__name__}(...)."
+            )
 
 
 def _roots(equation, first, second, starts, ends) -> Float[Array, " n"]:

@@ -30,21 +30,28 @@ def kinetic_embedded(body: Projection, dq) -> Float[Array, ""]:
     return body.mass_matrix[0, 0] * (dq @ dq) / 2
 
 
-def kinetic_center(mass, dcenter) -> Float[Array, ""]:
+def kinetic_center(body: Projection, dcenter) -> Float[Array, ""]:
     """The first term of (6): 1/2 m v_C^2."""
-    return mass * (dcenter @ dcenter) / 2
+    return body.mass * (dcenter @ dcenter) / 2
 
 
 def elastic(body: Projection, a) -> Float[Array, ""]:
-    """The strain energy behind (15): 1/2 c l0^2 eps^2, in general 1/2 a^T K a."""
-    return a @ body.stiffness_matrix @ a / 2
+    """The strain energy behind (15): 1/2 c l0^2 eps^2, in general 1/2 a^T K a; by another law int E A W(strain) ds."""
+    if body.law is None:
+        return a @ body.stiffness_matrix @ a / 2
+    return body.rigidity @ body.law(body.field(a))
 
 
 def gravity_pivoted(body: Projection, g, a, d) -> Float[Array, ""]:
     """(15), corrected: V = m g x_C (1 + eps) sin psi, zero at the pivot.  (The paper writes l0/2 for x_C.)"""
-    return g * body.moment(a) * d[-1]
+    return body.moment(a) * _potential(g, d)
 
 
-def gravity_center(mass, g, center) -> Float[Array, ""]:
+def gravity_center(body: Projection, g, center) -> Float[Array, ""]:
     """Weight of a rod in flight: V = m g y_C, zero at the origin."""
-    return mass * g * center[-1]
+    return body.mass * _potential(g, center)
+
+
+def _potential(g, x) -> Float[Array, ""]:
+    """Of a unit mass at x: g y for a number, downwards; -g . x for a vector of gravity (D,)."""
+    return g * x[-1] if g.ndim == 0 else -g @ x

@@ -9,9 +9,13 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
+from . import continuum
+from .basis import Projection, QuasiStatic
+from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
-from .motion import Flight, State
+from .motion import Driven, Flight, State
 from .result import Result
+from .rod import Rod
 from .solution import Solution
 from .system import System
 from .tracking import Tracked, Tracking
@@ -36,35 +40,39 @@ def integrate(
     else:
         given = system
     t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
-    lagrangian = system if chart is None else system.lagrangian(chart)
-    strains = chart is not None and system.basis.n > 0
+    equations = system if chart is None else system.equations(chart)
+    if chart is None:
+        phase = start
+    else:
+        phase = equations.encode(t0, start)
     y0 = Tracked(
-        phase=start if chart is None else chart.encode(system.motion, start),
+        phase=phase,
         remainder=None,
         turns=None if chart is None or chart.counts_turns else start.turns,
     )
     if t0.dtype == jnp.float32:
         y0 = y0._replace(remainder=jax.tree.map(jnp.zeros_like, y0.phase))
-    terms = Tracked(diffrax.ODETerm(_Flow(lagrangian)), diffrax.ODETerm(_idle), diffrax.ODETerm(_idle))
+    terms = Tracked(diffrax.ODETerm(_Flow(equations)), diffrax.ODETerm(_idle), diffrax.ODETerm(_idle))
 
-    def decode(y):
+    def decode(t, y):
         if chart is None:
             return y.phase
-        return chart.decode(system.motion, y.phase.q, y.phase.v, 0.0 if y.turns is None else y.turns)
+        return equations.decode(t, y.phase.q, y.phase.v, 0.0 if y.turns is None else y.turns)
 
+    margin = None if chart is None or system.basis.n == 0 else _Margin.of(system, equations)
     if n_steps is not None:
         stepsize_controller = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
     elif stepsize_controller is None and dt0 is not None:
         stepsize_controller = diffrax.ConstantStepSize()
     elif stepsize_controller is None:
-        stepsize_controller = _adaptive(system, start, y0, t1 - t0, atol)
+        stepsize_controller = _adaptive(system, start, y0, t1 - t0, atol, t0)
         if ts is not None:  # what is saved is the end of a step: interpolation would cost digits at tight tolerances
             stepsize_controller = diffrax.ClipStepSizeController(stepsize_controller, step_ts=ts)
 
     raw: Any = diffrax.diffeqsolve(
         terms, Tracking(solver), t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=stepsize_controller, adjoint=adjoint,
-        event=_events(event, decode, strains, t1.dtype), max_steps=max_steps, throw=False,
+        event=_events(event, decode, margin, t1.dtype), max_steps=max_steps, throw=False,
         progress_meter=progress_meter,
     )  # fmt: skip
 
@@ -74,12 +82,12 @@ def integrate(
     )  # fmt: skip
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
     stats["t_end"] = raw.ts["end"][-1]
-    last = jax.tree.map(lambda y: y[-1], raw.ys["end"])
-    end = _finite(last), decode(last).amplitudes if strains else jnp.zeros(0)
+    last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
+    room = jnp.ones(3) if margin is None else margin(decode(t_end, last))
     return Solution(
         ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
         states=states,
-        result=_result(raw, end, valid, event is not None),
+        result=_result(raw, _finite(last), room, valid, event is not None),
         stats=stats,
         system=given,
         method=", ".join(type(x).__name__ for x in (solver, chart) if x is not None),
@@ -89,11 +97,38 @@ def integrate(
 class _Flow(eqx.Module):
     """The first-order form of Lagrange's equations."""
 
-    lagrangian: Lagrangian
+    equations: Lagrangian | Moving | Condensed
 
     def __call__(self, t, y, args):
         del args
-        return Phase(y.v, self.lagrangian.acceleration(t, y.q, y.v))
+        return Phase(y.v, self.equations.acceleration(t, y.q, y.v))
+
+
+class _Margin(eqx.Module):
+    """What is left until the model ends, each part above zero: room for compression, for growth, for turning."""
+
+    body: Projection | None  # None: one uniform strain, which is its own field
+    critical: Float[Array, ""] | None  # square of the rate beyond which no static strain holds, of `QuasiStatic`
+
+    @staticmethod
+    def of(system: System, equations: Moving | Condensed) -> "_Margin":
+        critical = None
+        if isinstance(equations, Condensed):
+            critical = critical_square(equations.scene.body)
+            if isinstance(system.rod, Rod):  # every rung is stiffer than the rod
+                critical = jnp.minimum(critical, jax.lax.stop_gradient(continuum.critical_rate(system)) ** 2)
+        return _Margin(None if system.basis.uniform else equations.scene.body, critical)
+
+    def __call__(self, state: State) -> Float[Array, " 3"]:
+        strain = state.amplitudes if self.body is None else self.body.field(state.amplitudes)
+        square = jnp.sum(state.direction_rate**2)
+        return jnp.stack(
+            [
+                jnp.min(strain) - _COLLAPSED,
+                1 - jnp.max(jnp.abs(strain)) / _DIVERGED,
+                jnp.ones_like(square) if self.critical is None else 1 - square / self.critical,
+            ]
+        )
 
 
 def _idle(t, y, args):
@@ -113,31 +148,38 @@ class _NaturalNorm(eqx.Module):
         return jnp.sqrt(jnp.mean(squares))
 
 
-def _adaptive(system, start, y0, duration, atol) -> diffrax.PIDController:
+def _adaptive(system, start, y0, duration, atol, t0) -> diffrax.PIDController:
     if isinstance(system, Lagrangian):
         return diffrax.PIDController(rtol=atol, atol=atol, dtmin=_least_step(duration), force_dtmin=False)
     weight = jnp.ones_like(y0.phase.q)
     if isinstance(system.motion, Flight):
         weight = weight.at[-system.motion.dimension :].set(1 / system.rod.length)
-    rate = jax.lax.stop_gradient(_natural_rate(system, start, duration))
-    # At rest there is no error to see, yet a gradient asks how the rod would move: steps resolve its natural rate anyway.
+    slowest, fastest = jax.lax.stop_gradient(_natural_rates(system, start, duration, t0))
+    # At rest there is no error to see, yet a gradient asks how the rod would move: steps resolve its fastest rate anyway.
     # The eighth root because the solver is of order 8; 4.5 is where Dopri8's error of a harmonic meets the tolerance.
-    dtmax = 4.5 * (atol / 1e-4) ** 0.125 / rate
-    norm = _NaturalNorm(Phase(weight, weight / rate))
+    dtmax = 4.5 * (atol / 1e-4) ** 0.125 / fastest
+    norm = _NaturalNorm(Phase(weight, weight / slowest))
     return diffrax.PIDController(
         rtol=0.0, atol=atol, norm=norm, dtmin=_least_step(duration), dtmax=dtmax, force_dtmin=False
     )
 
 
-def _natural_rate(system: System, start: State, duration) -> Float[Array, ""]:
-    """The rate in 1/s by which velocities are measured: axial vibration, spin, swing, and one over the run's length."""
+def _natural_rates(system: System, start: State, duration, t0) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Rates in 1/s of the slowest axial vibration, by which velocities are measured, and of the fastest.
+
+    Both with spin, swing, and one over the run's length.
+    """
     body = system.body
     square = start.direction_rate @ start.direction_rate + 1 / duration**2
-    if system.basis.n:
-        square = square + body.stiffness_matrix[0, 0] / body.mass_matrix[1, 1]
+    if isinstance(system.motion, Driven):
+        square = system.motion.turning(t0)[1] ** 2 + 1 / duration**2
     if system.gravity is not None and not isinstance(system.motion, Flight):
-        square = square + jnp.abs(system.gravity * body.first_moments[0]) / body.mass_matrix[0, 0]
-    return jnp.sqrt(square)
+        weight = jnp.sqrt(jnp.sum(system.gravity**2))
+        square = square + jnp.abs(weight * body.first_moments[0]) / body.mass_matrix[0, 0]
+    if system.basis.n == 0 or isinstance(system.basis, QuasiStatic):
+        return jnp.sqrt(square), jnp.sqrt(square)
+    axial = eigenvalues(body)
+    return jnp.sqrt(square + axial[0]), jnp.sqrt(square + axial[-1])
 
 
 def _least_step(duration):
@@ -151,32 +193,29 @@ def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
     inner = run.fn
 
     def fn(t, y, args):
-        return inner(t, decode(y), args)
+        return inner(t, decode(t, y), args)
 
     run = eqx.tree_at(lambda sub: sub.fn, run, fn)
     return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
 
 
-def _events(event: diffrax.Event | None, decode, strains: bool, dtype) -> diffrax.Event:
+def _events(event: diffrax.Event | None, decode, margin: _Margin | None, dtype) -> diffrax.Event:
     """What ends every run, as one number that falls through zero, beside the user's event."""
 
-    def margin(t, y, args, **_):
-        room = jnp.ones(())
-        if strains:
-            strain = decode(y).amplitudes
-            room = jnp.minimum(jnp.min(strain) - _COLLAPSED, 1 - jnp.max(jnp.abs(strain)) / _DIVERGED)
+    def room(t, y, args, **_):
+        room = jnp.ones(()) if margin is None else jnp.min(margin(decode(t, y)))
         # In JAX's default type, whatever the run's: Diffrax compares it with a literal.
         return jnp.where(_finite(y), room, -1.0).astype(float)
 
     if event is None:
         rounding = 64 * float(jnp.finfo(dtype).eps)
-        return diffrax.Event(margin, optx.Bisection(rtol=rounding, atol=rounding, flip=True), direction=False)
+        return diffrax.Event(room, optx.Bisection(rtol=rounding, atol=rounding, flip=True), direction=False)
 
     def on_state(condition):
-        return lambda t, y, args, **rest: condition(t, decode(y), args, **rest)
+        return lambda t, y, args, **rest: condition(t, decode(t, y), args, **rest)
 
     return diffrax.Event(
-        {"margin": margin, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},
+        {"margin": room, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},
         optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder,
         {"margin": False, "user": event.direction},
     )
@@ -186,14 +225,14 @@ def _finite(y: PyTree[Array]) -> Any:
     return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(y)]))
 
 
-def _result(raw: Any, end, valid, user_event: bool) -> Any:
-    """The code of a run, from Diffrax's result and the phase at its end."""
+def _result(raw: Any, finite, room, valid, user_event: bool) -> Any:
+    """The code of a run, from Diffrax's result and what room was left at its end."""
     codes, result = diffrax.RESULTS, raw.result
     code = Result.where(result == codes.max_steps_reached, Result.max_steps, Result.diverged)
     code = Result.where(diffrax.is_okay(result), Result.ok, code)
-    finite, strain = end
     stopped = raw.event_mask["margin"] if user_event else raw.event_mask
-    why = Result.where(jnp.max(jnp.abs(strain), initial=0.0) > 0.5 * _DIVERGED, Result.diverged, Result.collapsed)
+    why = Result.where(room[1] < 0.5, Result.diverged, Result.collapsed)
+    why = Result.where(room[2] < 1e-3, Result.past_critical, why)
     why = Result.where(finite, why, Result.non_finite)
     code = Result.where(stopped, why, code)
     return Result.where(valid, code, Result.invalid)

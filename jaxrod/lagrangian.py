@@ -12,7 +12,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-_UNROLLED = 6  # up to this size a Cholesky solve written out is faster on CPUs than a LAPACK call
+from . import checks
+
+_UNROLLED = 6
 
 
 class Phase(NamedTuple):
@@ -26,7 +28,8 @@ class Lagrangian(eqx.Module):
     """A mechanical system that is nothing but its Lagrangian.
 
     **Arguments:** `function`, (t, q, v) -> L in J, of coordinates q and velocities v of shape (N,), with a positive
-    definite mass matrix d^2 L / dv^2; and `force`, (t, q, v) -> generalized forces (N,), or None.
+    definite mass matrix d^2 L / dv^2; `force`, (t, q, v) -> generalized forces (N,), or None; and `solve`, (t, q, b) ->
+    M^-1 b where the inverse of the mass matrix is known in closed form, or None.
 
     >>> import jax.numpy as jnp, jaxrod
     >>> pendulum = jaxrod.Lagrangian(lambda t, q, v: v @ v / 2 + jnp.cos(q[0]))
@@ -36,10 +39,12 @@ class Lagrangian(eqx.Module):
 
     function: Callable[..., Float[Array, ""]]
     force: Callable[..., Float[Array, " N"]] | None
+    solve: Callable[..., Float[Array, " N"]] | None
 
-    def __init__(self, function, force=None):
-        self.function = _carried(function)
-        self.force = None if force is None else _carried(force)
+    def __init__(self, function, force=None, solve=None):
+        self.function = checks.carried(function)
+        self.force = None if force is None else checks.carried(force)
+        self.solve = None if solve is None else checks.carried(solve)
 
     def momentum(self, t, q, v) -> Float[Array, " N"]:
         """p = dL/dv."""
@@ -56,18 +61,23 @@ class Lagrangian(eqx.Module):
             push = push + self.force(t, q, v)
         t = jnp.asarray(t, dtype=q.dtype)
         _, carried = jax.jvp(lambda t, q: self.momentum(t, q, v), (t, q), (jnp.ones_like(t), v))
-        return _solve_positive(self.mass_matrix(t, q, v), push - carried)
+        if self.solve is not None:
+            return self.solve(t, q, push - carried)
+        return solve_positive(self.mass_matrix(t, q, v), push - carried)
 
     def energy(self, t, q, v) -> Float[Array, ""]:
         """H = p v - L, in J."""
         return self.momentum(t, q, v) @ v - self.function(t, q, v)
 
 
-def _solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Float[Array, " N"]:
-    """x with matrix @ x = right, for a symmetric positive definite matrix, by Cholesky's factorisation."""
+def solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Float[Array, " N"]:
+    """x with matrix @ x = right, for a symmetric positive definite matrix, without a call of LAPACK.
+
+    Small ones by Cholesky's factorisation written out, which is the fastest on CPUs; others by elimination of columns.
+    """
     size = right.shape[0]
     if size > _UNROLLED:
-        return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(matrix), right)
+        return _eliminate(matrix, right)
     lower = [[right[0]] * size for _ in range(size)]
     for i in range(size):
         for j in range(i + 1):
@@ -81,6 +91,10 @@ def _solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> F
     return jnp.stack(x)
 
 
-def _carried(function: Any) -> Any:
-    """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
-    return function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)
+def _eliminate(matrix, right):
+    """Gauss and Jordan: after step k column k is that of the identity.  Positive definite needs no pivoting."""
+    table = jnp.concatenate([matrix, right[:, None]], axis=1)
+    for k in range(right.shape[0]):
+        row = table[k] / table[k, k]
+        table = (table - table[:, k, None] * row[None, :]).at[k].set(row)
+    return table[:, -1]

@@ -7,6 +7,7 @@ vector along the rod from root to tip; angles are measured above the horizontal.
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -20,9 +21,9 @@ class AbstractMotion(eqx.Module):
 
 
 class AbstractPivoted(AbstractMotion):
-    """A point of the rod is fixed: `pivot`, its distance from the root in m."""
+    """A point of the rod is fixed: `pivot`, its distance from the root in m, or None where it is the root itself."""
 
-    pivot: Any = eqx.field(default=0.0, converter=lambda s: checks.not_negative("pivot", s, "metres from the root"))
+    pivot: eqx.AbstractVar[Float[Array, ""] | None]
 
 
 class Rotation(AbstractPivoted):
@@ -31,7 +32,11 @@ class Rotation(AbstractPivoted):
     **Arguments:** `pivot`, distance of the axis from the root in m (0: the rod hangs on its root).
     """
 
+    pivot: Any
     dimension: ClassVar[int] = 2
+
+    def __init__(self, pivot=0.0):
+        self.pivot = _inside(pivot)
 
 
 class Spherical(AbstractPivoted):
@@ -40,7 +45,46 @@ class Spherical(AbstractPivoted):
     **Arguments:** `pivot`, distance of the fixed point from the root in m.
     """
 
+    pivot: Any
     dimension: ClassVar[int] = 3
+
+    def __init__(self, pivot=0.0):
+        self.pivot = _inside(pivot)
+
+
+class Driven(AbstractPivoted):
+    """Turning about a fixed horizontal axis as a motor prescribes it; the strain is the only motion left.
+
+    **Arguments:** `angle`, a function of time t (s) that gives the angle above the horizontal in rad, twice
+    differentiable (numbers in an Equinox module are differentiable); `pivot`, distance of the axis from the root in m.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(rod, jaxrod.Driven(lambda t: 15.0 * t))
+    >>> sol = jaxrod.simulate(system, system.state(), t1=0.1)
+    >>> print(f"{sol.strain[-1]:.6f}, {system.drive_torque(0.1, sol.states[-1]):.4f} N m")
+    0.018231, -0.0254 N m
+    """
+
+    angle: Any
+    pivot: Any
+    dimension: ClassVar[int] = 2
+
+    def __init__(self, angle, pivot=0.0):
+        if not callable(angle):
+            raise ValueError(f"Driven(angle={angle!r}) is not a function of time; give one, such as lambda t: 15.0 * t.")
+        self.angle = checks.carried(angle)
+        self.pivot = _inside(pivot)
+
+    def turning(self, t) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """Angle, rate and acceleration at time t."""
+        t = jnp.asarray(t) * 1.0
+
+        def rate(t):
+            return jax.jvp(lambda t: jnp.asarray(self.angle(t), t.dtype), (t,), (jnp.ones_like(t),))
+
+        (angle, speed), (_, acceleration) = jax.jvp(rate, (t,), (jnp.ones_like(t),))
+        return angle, speed, acceleration
 
 
 class Flight(AbstractMotion):
@@ -75,6 +119,10 @@ class State(eqx.Module):
     turns: Float[Array, "*batch"]
     center: Float[Array, "*batch D"] | None = None
     center_velocity: Float[Array, "*batch D"] | None = None
+
+    def __getitem__(self, index) -> "State":
+        """The states at this index of the leading axes."""
+        return jax.tree.map(lambda x: x[index], self)
 
     @property
     def planar(self) -> bool:
@@ -116,7 +164,7 @@ class State(eqx.Module):
 
     @property
     def strain(self) -> Float[Array, "*batch"]:
-        """Elongation over length (zero for a rigid rod)."""
+        """Elongation over length, the first amplitude (zero for a rigid rod)."""
         return self.amplitudes[..., 0] if self.amplitudes.shape[-1] else jnp.zeros_like(self.turns)
 
     @property
@@ -147,3 +195,9 @@ def _horizontal(direction: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*bat
     x_axis = jnp.zeros_like(flat).at[..., 0].set(1.0)
     unit = jnp.where(polar[..., None], x_axis, flat / jnp.where(polar, 1.0, length)[..., None])
     return unit, length
+
+
+def _inside(pivot):
+    """A pivot, or None if it is known to be the root: then the rod is one piece."""
+    pivot = checks.not_negative("pivot", 0.0 if pivot is None else pivot, "metres from the root")
+    return pivot if checks.fails(lambda s: s == 0, pivot) or not checks.known(pivot) else None

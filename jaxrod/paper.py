@@ -12,7 +12,8 @@ import jax.numpy as jnp
 from . import continuum
 from .basis import Ritz
 from .motion import Rotation
-from .rod import Cone, Lumped, Rod
+from .rod import Lumped, Rod
+from .section import Cone
 from .simulation import simulate
 from .solution import Solution
 from .system import System

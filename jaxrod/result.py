@@ -18,6 +18,10 @@ class Result(eqx.Enumeration):
     )
     max_steps = "the run stopped at max_steps before its end; raise max_steps, loosen the tolerance or shorten the run"
     non_finite = "the numbers stopped being finite; with a fixed step, take a smaller one"
+    past_critical = (
+        "the rod turned faster than any static strain can hold: beyond its critical rate there is no QuasiStatic motion; "
+        "take its basis with inertia, such as Ritz(3)"
+    )
     invalid = (
         "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, or a strain at or "
         "below -1)"

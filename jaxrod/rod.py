@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks, law
+from .quadrature import Panels
 from .section import AbstractSection, Profile, profile
 
 _FASTEST_SOLID = 2.0e4  # m/s: sound in diamond is about 18 km/s
@@ -64,7 +65,7 @@ class Rod(eqx.Module):
         )
         if not callable(law):
             raise ValueError(f"law={law!r} is not a strain law; give a function of strain such as jaxrod.law.green.")
-        self.law = law if isinstance(law, eqx.Module) else jax.tree_util.Partial(law)
+        self.law = checks.carried(law)
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
@@ -126,26 +127,21 @@ class Rod(eqx.Module):
         """Density in kg/m^3 at s (m)."""
         return self.density(s) if isinstance(self.density, Profile) else jnp.broadcast_to(self.density, jnp.shape(s))
 
+    def panels(self, order: int = _ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
+        """Gauss-Legendre panels; they end where a profile jumps, at the knots of the section, and at `at` (m)."""
+        dtype = checks.float_type(self, list(at))
+        inner = [jnp.asarray(self.breaks), self.section.knots(self.length), *(jnp.reshape(s, 1) for s in at)]
+        inner = jnp.concatenate([x.astype(dtype) for x in inner])
+        inner = jnp.sort(inner) if inner.size > 1 else inner
+        zero, end = jnp.zeros(1, dtype), self.length.astype(dtype)[None]
+        return Panels(jnp.concatenate([zero, inner, end]), order)
+
     def quadrature(
         self, order: int = _ORDER, at: Sequence[Float[Array, ""]] = ()
     ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
-        """Points s and weights ds (m) of a Gauss-Legendre rule of this order on each panel.
-
-        Panels end where a profile jumps, at the knots of the section, and at the coordinates `at`.
-        """
-        dtype = checks.float_type(self, list(at))
-        x, w = (jnp.asarray(column, dtype) for column in np.polynomial.legendre.leggauss(order))
-        inner = jnp.concatenate(
-            [
-                jnp.asarray(self.breaks, dtype),
-                self.section.knots(self.length).astype(dtype),
-                *(jnp.asarray(s, dtype)[None] for s in at),
-            ]
-        )
-        zero, end = jnp.zeros(1, dtype), self.length.astype(dtype)[None]
-        ends = jnp.concatenate([zero, jnp.sort(inner), end]) if inner.size else jnp.concatenate([zero, end])
-        half = jnp.diff(ends)[:, None] / 2
-        return (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
+        """Points s and weights ds (m) of `panels`."""
+        panels = self.panels(order, at)
+        return panels.s, panels.ds
 
     def integrate(self, values: Float[Array, "*any points"]) -> Float[Array, "*any"]:
         """Integral over the volume, int A(s) values(s) ds, of values at the points of `quadrature()`."""

@@ -203,7 +203,7 @@ class Profile(AbstractSection):
     def __init__(self, function, breaks=()):
         if not callable(function):
             raise ValueError(f"section={function!r} is not a section; give Uniform, Cone, Table or a function of s.")
-        self.function = function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)
+        self.function = checks.carried(function)
         self.breaks = _increasing(breaks)
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:

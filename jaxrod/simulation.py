@@ -16,10 +16,10 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks
-from .chart import AbstractChart, Angles, Director, Embedded
+from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
-from .motion import Flight, State
+from .motion import Driven, Flight, State
 from .result import SimulationError
 from .solution import Solution
 from .system import System
@@ -39,15 +39,17 @@ def default_solver(system: System | Lagrangian) -> diffrax.AbstractSolver:
 def default_chart(system: Any) -> AbstractChart:
     """The coordinates that `simulate` takes when none are given.
 
-    In the plane the angle, which has no pole and counts its turns.  In space the embedded q = (1 + eps) d, for a rigid
+    Where the rotation is driven the strain alone.  In the plane the angle, which has no pole and counts its turns.  In space the embedded q = (1 + eps) d, for a rigid
     rod its director.  In float32 always the director beside the strain: an angle of many turns and a strain kept as
     1 + eps would lose their last digits to rounding.
     """
+    if isinstance(system.motion, Driven):
+        return Strains()
     if checks.float_type(system) == jnp.float32:
         return Director()
     if system.motion.dimension == 2:
         return Angles()
-    return Embedded() if system.basis.n == 1 else Director()
+    return Embedded() if system.flat else Director()
 
 
 def simulate(
@@ -113,6 +115,7 @@ def simulate(
         )
     if isinstance(start, State):
         chart = default_chart(system) if chart is None else chart
+        system.check_chart(chart)
         _check_start(system, start)
     else:
         start = Phase(*(jnp.asarray(x, dtype) for x in start))

@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks, energy
-from .basis import Projection, Ritz
-from .chart import AbstractChart
+from .basis import AbstractBasis, Projection, QuasiStatic, Ritz
+from .chart import AbstractChart, Embedded, Strains
+from .equations import Condensed, Moving, Scene
 from .force import AbstractForce
 from .lagrangian import Lagrangian
-from .motion import AbstractMotion, AbstractPivoted, Flight, Placement, State, heading
+from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, heading
 from .rod import Lumped, Rod
 
 
@@ -23,10 +24,11 @@ class System(eqx.Module):
     **Arguments:**
 
     - `rod`: a `Rod`, or a `Lumped` body.
-    - `motion`: `Rotation()`, `Spherical()` or `Flight()`.
-    - `basis`: `Ritz(0)` (rigid) or `Ritz(1)` (the paper's uniform strain).
-    - `gravity`: g in m/s^2, downwards, or None.
-    - `forces`: forces without a potential, such as `Torque` and `PivotFriction`.
+    - `motion`: `Rotation()`, `Spherical()`, `Flight()` or `Driven(angle)`.
+    - `basis`: `Ritz(n)` or `ForceRitz(n)`; `Ritz(0)` is rigid, `Ritz(1)`, the default, the paper's uniform strain;
+      `QuasiStatic` of either has the strain follow without inertia.
+    - `gravity`: g in m/s^2, downwards; or the acceleration as a vector (D,); or None.
+    - `forces`: forces without a potential: `Torque`, `TipForce`, `PivotFriction`, `KelvinVoigt`, `ShakenBase` or your own.
 
     What is left out (`gravity=None`, `forces=()`, `Ritz(0)`) is not computed.
 
@@ -40,21 +42,21 @@ class System(eqx.Module):
 
     rod: Rod | Lumped
     motion: AbstractMotion
-    basis: Ritz
-    gravity: Float[Array, ""] | None
+    basis: AbstractBasis
+    gravity: Float[Array, ""] | Float[Array, " D"] | None
     forces: tuple[AbstractForce, ...]
 
     def __init__(self, rod, motion, basis=None, gravity=None, forces=()):
         self.rod, self.motion = rod, motion
         self.basis = Ritz(1) if basis is None else basis
-        self.gravity = None if gravity is None else checks.not_negative("gravity", gravity, "m/s^2, or None")
+        self.gravity = None if gravity is None else _gravity(gravity, motion)
         if not isinstance(forces, tuple | list):
             raise ValueError(f"forces={forces!r} is not a sequence of forces; give a tuple such as (Torque(1.0),).")
         self.forces = tuple(forces)
         for name, value, kind in (
             ("rod", rod, Rod | Lumped),
             ("motion", motion, AbstractMotion),
-            ("basis", self.basis, Ritz),
+            ("basis", self.basis, AbstractBasis),
         ):
             if not isinstance(value, kind):
                 raise ValueError(f"{name}={value!r} is not a {name}; give an instance such as {_EXAMPLES[name]}.")
@@ -70,10 +72,22 @@ class System(eqx.Module):
         if isinstance(self.rod, Lumped):
             if isinstance(self.motion, Flight):
                 raise ValueError("rod=Lumped(...) is a pivoted body without a mass; for Flight() give a Rod.")
-            if isinstance(self.motion, AbstractPivoted) and checks.fails(lambda x: x == 0, self.motion.pivot):
+            if self._pivot is not None:
                 raise ValueError("rod=Lumped(...) is given about its pivot already; leave out pivot=.")
-        elif isinstance(self.motion, AbstractPivoted):
-            pivot, length = self.motion.pivot, self.rod.length
+            if self.basis.n > 1 or not isinstance(self.basis, Ritz):
+                raise ValueError(f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {self.basis!r}.")
+            return
+        if isinstance(self.basis, QuasiStatic) and not self.rod.linear:
+            raise ValueError(
+                f"basis={self.basis!r} condenses Hooke's law only; leave out law= of the rod, or take {self.basis.basis!r}."
+            )
+        if isinstance(self.basis, QuasiStatic) and isinstance(self.motion, Driven):
+            raise ValueError(
+                f"basis={self.basis!r} leaves nothing to move where the rotation is Driven; take {self.basis.basis!r}, "
+                "or jaxrod.equilibrium for the static strain."
+            )
+        if isinstance(self.motion, AbstractPivoted):
+            pivot, length = jnp.zeros(()) if self._pivot is None else self._pivot, self.rod.length
             if checks.fails(np.less_equal, pivot, length):
                 raise ValueError(
                     f"pivot={checks.shown(pivot)} lies beyond the rod; it must be within length={checks.shown(length)} m."
@@ -87,31 +101,44 @@ class System(eqx.Module):
     # ---- the rod as the basis sees it
 
     @property
+    def _pivot(self) -> Float[Array, ""] | None:
+        return self.motion.pivot if isinstance(self.motion, AbstractPivoted) else None
+
+    @property
+    def _free(self) -> bool:
+        return isinstance(self.motion, Flight)
+
+    @property
     def origin(self) -> Float[Array, ""]:
         """Material coordinate in m that stays put: the pivot, in flight the centre of mass."""
-        return self.motion.pivot if isinstance(self.motion, AbstractPivoted) else _whole(self.rod).center_of_mass
+        if self._free:
+            assert isinstance(self.rod, Rod)
+            return self.rod.center_of_mass
+        return jnp.zeros_like(self.rod.length) if self._pivot is None else self._pivot
 
     @property
     def body(self) -> Projection:
         """Mass matrix, stiffness matrix and first moments about `origin`."""
-        return self.basis.project(self.rod, self.origin)
+        return self.basis.project(self.rod, self._pivot, self._free)
 
     # ---- states
 
     def state(
-        self, *, angle=0.0, rate=0.0, strain=0.0, strain_rate=0.0, azimuth=None, azimuth_rate=None, center=None,
-        center_velocity=None,
+        self, *, angle=0.0, rate=0.0, strain=0.0, strain_rate=0.0, amplitudes=None, amplitude_rates=None, azimuth=None,
+        azimuth_rate=None, center=None, center_velocity=None,
     ) -> State:  # fmt: skip
         """A state of this scene.
 
-        **Arguments:** `angle` above the horizontal (rad) and its `rate` (rad/s); uniform `strain` (> -1) and
-        `strain_rate` (1/s); for `Spherical`, `azimuth` (rad) and `azimuth_rate` (rad/s); for `Flight`, `center` (m) and
-        `center_velocity` (m/s) of the centre of mass, two numbers each.
+        **Arguments:** `angle` above the horizontal (rad) and its `rate` (rad/s); `strain`, elongation over length
+        (> -1), by the first shape alone, and `strain_rate` (1/s); or all `amplitudes` (n,) of the strain and their rates
+        (1/s); for `Spherical`, `azimuth` (rad) and `azimuth_rate` (rad/s); for `Flight`, `center` (m) and
+        `center_velocity` (m/s) of the centre of mass, two numbers each.  Where the motion is `Driven` angle and rate
+        are those of t = 0 and not to be given.
 
-        **Raises:** `ValueError` for non-finite numbers, strain <= -1, strain of a rigid rod, and arguments that this
-        motion does not have.
+        **Raises:** `ValueError` for non-finite numbers, a strain of -1 or less anywhere, strain of a rigid rod, and
+        arguments that this motion does not have.
         """
-        space, flight = self.motion.dimension == 3, isinstance(self.motion, Flight)
+        space, flight, driven = self.motion.dimension == 3, self._free, isinstance(self.motion, Driven)
         for name, value, needed in (
             ("azimuth", azimuth, "Spherical()" if not space else ""),
             ("azimuth_rate", azimuth_rate, "Spherical()" if not space else ""),
@@ -121,53 +148,66 @@ class System(eqx.Module):
             if value is not None and needed:
                 kind = type(self.motion).__name__
                 raise ValueError(f"{name}={value!r} has no meaning for {kind}(); leave it out or take motion={needed}.")
-        numbers = {"angle": angle, "rate": rate, "strain": strain, "strain_rate": strain_rate}
+        if driven:
+            if any(checks.fails(lambda x: x == 0, checks.number("angle, rate", x)) for x in (angle, rate)):
+                raise ValueError(f"angle={angle!r}, rate={rate!r}: Driven() prescribes the rotation; leave them out.")
+            angle, rate, _ = self.motion.turning(0.0)
+        numbers = {"angle": angle, "rate": rate}
         if space:
             numbers |= {"azimuth": _or_zero(azimuth), "azimuth_rate": _or_zero(azimuth_rate)}
         given = {name: checks.number(name, value) for name, value in numbers.items()}
-        self._check_strain(given)
+        strains = {
+            "amplitudes": self._amplitudes("strain", strain, "amplitudes", amplitudes),
+            "amplitude_rates": self._amplitudes("strain_rate", strain_rate, "amplitude_rates", amplitude_rates),
+        }
+        self._check_strain(strains["amplitudes"])
         place = {"center": center, "center_velocity": center_velocity} if flight else {}
         place = {name: checks.number(name, _or_zero(value, (0.0, 0.0)), (2,)) for name, value in place.items()}
 
-        dtype = checks.float_type(self, given, place)
-        given, place = jax.tree.map(lambda x: x.astype(dtype), (given, place))
+        dtype = checks.float_type(self, given, strains, place)
+        given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
         direction, direction_rate = (_spatial if space else _planar)(**given)
         turns = (given["azimuth" if space else "angle"] - heading(direction)) / (2 * jnp.pi)
         return State(
-            direction,
-            direction_rate,
-            given["strain"][None][: self.basis.n],
-            given["strain_rate"][None][: self.basis.n],
-            jax.lax.stop_gradient(jnp.round(turns)),
-            **place,
-        )
+            direction, direction_rate, **strains, turns=jax.lax.stop_gradient(jnp.round(turns)), **place
+        )  # fmt: skip
 
-    def _check_strain(self, given):
-        strain, rate = given["strain"], given["strain_rate"]
-        if self.basis.n == 0 and any(checks.fails(lambda x: x == 0, x) for x in (strain, rate)):
-            raise ValueError(
-                f"strain={checks.shown(strain)}, strain_rate={checks.shown(rate)}: Ritz(0) is rigid; take Ritz(1) or "
-                "leave them out."
-            )
-        if checks.fails(lambda strain: strain > -1, strain):
-            raise ValueError(f"strain={checks.shown(strain)} turns the rod inside out; it must be above -1.")
+    def _amplitudes(self, name, uniform, all_name, amplitudes) -> Float[Array, " n"]:
+        n, uniform = self.basis.n, checks.number(name, uniform)
+        if amplitudes is None:
+            if n == 0 and checks.fails(lambda x: x == 0, uniform):
+                raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
+            return jnp.concatenate([uniform[None], jnp.zeros(max(n - 1, 0), uniform.dtype)])[:n]
+        if checks.fails(lambda x: x == 0, uniform):
+            raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
+        return checks.number(all_name, amplitudes, (n,))
+
+    def _check_strain(self, amplitudes):
+        if checks.fails(lambda a: a == 0, amplitudes):
+            lowest = amplitudes if self.basis.uniform else self.body.field(amplitudes)
+            if checks.fails(lambda strain: strain > -1, lowest):
+                raise ValueError(f"strain={np.min(np.asarray(lowest)):.6g} turns the rod inside out; it must be above -1.")
 
     def valid(self, start: State) -> Array:
         """Whether rod and start make sense: what construction asks of known numbers, for traced ones."""
         finite = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(eqx.filter((self, start), eqx.is_inexact_array))]
-        valid = self.rod.valid() & jnp.all(jnp.stack(finite)) & jnp.all(start.amplitudes > -1)
-        if isinstance(self.motion, AbstractPivoted):
-            valid = valid & (self.motion.pivot >= 0) & (self.motion.pivot <= self.rod.length)
+        valid = self.rod.valid() & jnp.all(jnp.stack(finite))
+        if self.basis.n:
+            lowest = start.amplitudes if self.basis.uniform else self.body.field(start.amplitudes)
+            valid = valid & jnp.all(lowest > -1)
+        if self._pivot is not None:
+            valid = valid & (self._pivot >= 0) & (self._pivot <= self.rod.length)
         return valid
 
     # ---- energies of a state, in J
 
     def kinetic_energy(self, state: State) -> Float[Array, ""]:
         """Kinetic energy T of one state."""
-        turning = energy.kinetic_director(self.body, state.amplitudes, state.amplitude_rates, state.direction_rate)
+        body = self.body
+        turning = energy.kinetic_director(body, state.amplitudes, state.amplitude_rates, state.direction_rate)
         if state.center_velocity is None:
             return turning
-        return turning + energy.kinetic_center(_whole(self.rod).mass, state.center_velocity)
+        return turning + energy.kinetic_center(body, state.center_velocity)
 
     def elastic_energy(self, state: State) -> Float[Array, ""]:
         """Strain energy of one state."""
@@ -177,12 +217,33 @@ class System(eqx.Module):
         """Energy of weight of one state: zero at the pivot, in flight at the origin."""
         if self.gravity is None:
             return jnp.zeros_like(state.turns)
-        place = Placement(state.direction, state.amplitudes, state.center)
-        return _weight(self.body, self._flying_mass(), self.gravity, place)
+        return self._scene.weight(Placement(state.direction, state.amplitudes, state.center))
 
     def energy(self, state: State) -> Float[Array, ""]:
         """T + V of one state, V = 0 at the pivot (in flight at the origin)."""
         return self.kinetic_energy(state) + self.elastic_energy(state) + self.gravity_energy(state)
+
+    def power(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
+        """Power in W of the forces, and of the drive where there is one: the rate at which `energy` grows."""
+        rate = Placement(state.direction_rate, state.amplitude_rates, state.center_velocity)
+        power = self._scene.power(t, state, rate)
+        return power + self.drive_torque(t, state) * state.rate if isinstance(self.motion, Driven) else power
+
+    def drive_torque(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
+        """Moment in N m that a `Driven` rotation asks of its motor: growth of angular momentum less all other moments.
+
+        **Raises:** `ValueError` for other motions.
+        """
+        if not isinstance(self.motion, Driven):
+            raise ValueError(f"motion={type(self.motion).__name__}() has no drive; take Driven(angle).")
+        scene, (_, rate, acceleration) = self._scene, self.motion.turning(t)
+        d, a = state.direction, state.amplitudes
+        across = Placement(jnp.stack([-d[1], d[0]]), jnp.zeros_like(a), None)
+        grown, growth = jax.jvp(scene.body.inertia, (a,), (state.amplitude_rates,))
+        moment = grown * acceleration + growth * rate - scene.power(t, state, across)
+        if self.gravity is None:
+            return moment
+        return moment + scene.weight(Placement(across.direction, a, None))  # linear in the director
 
     # ---- other quantities of a state
 
@@ -195,77 +256,73 @@ class System(eqx.Module):
 
     def shape(self, state: State, s: Float[Array, " points"]) -> Float[Array, "points D"]:
         """Positions in m of the material points s (m): from the pivot, in flight from the origin."""
-        phi = self.basis.shapes(jnp.asarray(s), self.origin)
+        phi = self.basis.shapes(self.rod, jnp.asarray(s), self._pivot, self._free)
         along = phi[0] + state.amplitudes @ phi[1:]
         points = along[:, None] * state.direction[None, :]
         return points if state.center is None else points + state.center[None, :]
 
     def tip(self, state: State) -> Float[Array, " D"]:
         """Position of the tip in m."""
-        return self.shape(state, self.rod.length[None])[0]
+        tip = self.body.reach(state.amplitudes) * state.direction
+        return tip if state.center is None else tip + state.center
+
+    def strain_field(self, state: State, s: Float[Array, " points"]) -> Float[Array, " points"]:
+        """Strain at the material points s (m)."""
+        if isinstance(self.rod, Lumped):
+            return jnp.broadcast_to(state.strain, jnp.shape(s))
+        return state.amplitudes @ self.basis.strains(self.rod, jnp.asarray(s), self._pivot)
 
     # ---- equations of motion
 
+    @property
+    def _scene(self) -> Scene:
+        return Scene(self.motion, self.body, self.gravity, self.forces)
+
+    def check_chart(self, chart: AbstractChart) -> None:
+        """Refuse, by `ValueError`, coordinates that this scene does not have."""
+        if isinstance(chart, Strains) != isinstance(self.motion, Driven):
+            raise ValueError(
+                f"chart={chart!r} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take Strains() "
+                "for Driven() and another for the rest."
+            )
+        if isinstance(chart, Embedded) and not self.flat:
+            raise ValueError(
+                "chart=Embedded() needs one uniform strain and no tip_inertia; take basis=Ritz(1) or chart=Director()."
+            )
+
+    @property
+    def flat(self) -> bool:
+        """Whether the kinetic energy is flat in q = (1 + eps) d: one uniform strain, and no inertia but the strained."""
+        tip_inertia = getattr(self.rod, "tip_inertia", None)
+        return self.basis.uniform and not isinstance(self.basis, QuasiStatic) and tip_inertia is None
+
+    def equations(self, chart: AbstractChart) -> Moving | Condensed:
+        """The equations of motion in the coordinates of `chart`.
+
+        **Raises:** `ValueError` for coordinates that this scene does not have.
+        """
+        self.check_chart(chart)
+        kind = Condensed if isinstance(self.basis, QuasiStatic) else Moving
+        return kind(self._scene, chart)
+
     def lagrangian(self, chart: AbstractChart) -> Lagrangian:
-        """The Lagrangian of this scene in the coordinates of `chart`, with its generalized forces."""
-        force = _GeneralizedForce(self, chart) if self.forces else None
-        return Lagrangian(_RodLagrangian(self, chart, self.body, self._flying_mass()), force)
+        """The Lagrangian of this scene in the coordinates of `chart`, with its generalized forces.
 
-    def _flying_mass(self) -> Float[Array, ""] | None:
-        return _whole(self.rod).mass if isinstance(self.motion, Flight) else None
-
-
-class _RodLagrangian(eqx.Module):
-    """L = T - V.  A module, not a closure: the projected rod is computed once and stays out of the time loop."""
-
-    system: System
-    chart: AbstractChart
-    body: Projection
-    mass: Float[Array, ""] | None
-
-    def __call__(self, t, q, v):
-        del t
-        motion = self.system.motion
-        place = self.chart.place(motion, q)
-        kinetic = self.chart.kinetic(motion, self.body, q, v)
-        if self.mass is not None:
-            kinetic = kinetic + energy.kinetic_center(self.mass, v[-motion.dimension :])
-        potential = energy.elastic(self.body, place.amplitudes)
-        if self.system.gravity is not None:
-            potential = potential + _weight(self.body, self.mass, self.system.gravity, place)
-        return kinetic - potential
-
-
-class _GeneralizedForce(eqx.Module):
-    """Q = dP/dv of the virtual power P of all forces."""
-
-    system: System
-    chart: AbstractChart
-
-    def __call__(self, t, q, v):
-        motion = self.system.motion
-        state = self.chart.decode(motion, q, v)
-
-        def power(virtual_v):
-            _, virtual = jax.jvp(lambda q: self.chart.place(motion, q), (q,), (virtual_v,))
-            return sum((force.power(t, state, virtual) for force in self.system.forces), jnp.zeros_like(q[0]))
-
-        return jax.grad(power)(jnp.zeros_like(v))
-
-
-def _weight(body: Projection, mass, gravity, place: Placement) -> Float[Array, ""]:
-    if place.center is None:
-        return energy.gravity_pivoted(body, gravity, place.amplitudes, place.direction)
-    return energy.gravity_center(mass, gravity, place.center)
+        **Raises:** `ValueError` for `QuasiStatic`, whose equations are not those of one Lagrangian.
+        """
+        equations = self.equations(chart)
+        if isinstance(equations, Condensed):
+            raise ValueError(f"basis={self.basis!r} has no Lagrangian of its own; ask for equations(chart).")
+        return equations.lagrangian
 
 
 _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}
 
 
-def _whole(rod: Rod | Lumped) -> Rod:
-    """The rod, where only one with a mass can be: construction has seen to that."""
-    assert isinstance(rod, Rod)
-    return rod
+def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
+    if jnp.ndim(gravity) == 0:
+        return checks.not_negative("gravity", gravity, "m/s^2 (or a vector, or None)")
+    return checks.number("gravity", gravity, (getattr(motion, "dimension", jnp.size(gravity)),))
 
 
 def _or_zero(value, zero: Any = 0.0):

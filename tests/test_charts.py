@@ -98,7 +98,7 @@ def test_round_trip(motion, cone):
         state, backs = system.state(**keywords), {}
         for chart in CHARTS:
             q, v = chart.encode(motion, state)
-            back = chart.decode(motion, q, v, state.turns)
+            back = chart.decode(motion, 0.0, q, v, state.turns)
             backs[name_of(chart)] = back, {name: getattr(back, name) for name in keywords}
         return state, backs
 
@@ -122,7 +122,7 @@ def test_angles_past_the_pole():
     """psi beyond pi / 2 is the other side of the pole: elevation pi - psi, azimuth phi + pi, whole turns kept."""
     motion = jaxrod.Spherical()
     for psi, phi in ((2.0, 0.5), (-2.5, 3.0), (1.0, 40.0), (4.0, -50.0)):
-        state = CHARTS[0].decode(motion, jnp.array([psi, phi, 0.1]), jnp.array([1.0, 0.2, 0.3]))
+        state = CHARTS[0].decode(motion, 0.0, jnp.array([psi, phi, 0.1]), jnp.array([1.0, 0.2, 0.3]))
         over = math.cos(psi) < 0
         assert float(state.angle) == pytest.approx(math.asin(math.sin(psi)), abs=1e-14)
         assert float(state.rate) == pytest.approx(-1.0 if over else 1.0, abs=1e-14)

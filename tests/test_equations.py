@@ -112,12 +112,12 @@ def physical(system, chart, state):
     """T, and the second derivatives of director, strain and centre of mass, computed in `chart`."""
     motion, lagrangian = system.motion, system.lagrangian(chart)
     q, v = chart.encode(motion, state)
-    kinetic = chart.kinetic(motion, system.body, q, v)
+    kinetic = chart.kinetic(motion, system.body, 0.0, q, v)
     if state.center_velocity is not None:
-        kinetic = kinetic + jaxrod.energy.kinetic_center(system.rod.mass, state.center_velocity)
+        kinetic = kinetic + jaxrod.energy.kinetic_center(system.body, state.center_velocity)
 
     def rate(q, v):
-        return jax.jvp(lambda q: chart.place(motion, q), (q,), (v,))[1]
+        return jax.jvp(lambda q: chart.place(motion, 0.0, q), (q,), (v,))[1]
 
     _, second = jax.jvp(rate, (q, v), (v, lagrangian.acceleration(0.0, q, v)))
     return kinetic, second

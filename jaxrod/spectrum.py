@@ -1,0 +1,43 @@
+"""Generalized eigenproblems with derivatives that stay finite where eigenvalues meet.  Knows no rods."""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+_MEET = 1e3  # eigenvalues nearer than so many roundings of the largest count as one
+
+
+@jax.custom_jvp
+def eigh(a: Float[Array, "n n"], b: Float[Array, "n n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
+    """a v = w b v with symmetric a and positive definite b: w (n,) ascending, v (n, n) in columns with v^T b v = 1.
+
+    The sign of each v makes its largest component positive.  Forward and reverse derivatives are those of perturbation
+    theory, in numbers scaled by a and b so that their size does not matter.  Of eigenvalues that meet, the derivatives
+    hold together (their sum, any symmetric function of them), and vectors turn among themselves by convention not at
+    all; where the perturbation keeps them together, each is right.
+    """
+    # Scaled to one by size, so that neither overflows.
+    scale_a, scale_b = _size(a), _size(b)
+    lower = jnp.linalg.cholesky(b / scale_b)
+    half = jax.scipy.linalg.solve_triangular(lower, a / scale_a, lower=True)
+    whole = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
+    w, y = jnp.linalg.eigh((whole + whole.T) / 2)
+    v = jax.scipy.linalg.solve_triangular(lower, y, lower=True, trans=1)
+    largest = jnp.take_along_axis(v, jnp.argmax(jnp.abs(v), axis=0)[None, :], axis=0)
+    return w * (scale_a / scale_b), v * jnp.where(largest < 0, -1.0, 1.0) / jnp.sqrt(scale_b)
+
+
+@eigh.defjvp
+def _eigh_jvp(primals, tangents):
+    (a, b), (da, db) = primals, tangents
+    w, v = eigh(a, b)
+    in_a, in_b = v.T @ da @ v, v.T @ db @ v
+    gap = w[None, :] - w[:, None]
+    meet = jnp.abs(gap) <= _MEET * jnp.finfo(w.dtype).eps * jnp.max(jnp.abs(w))
+    mixing = (in_a - in_b * w[None, :]) / jnp.where(meet, 1.0, gap)
+    dv = v @ jnp.where(meet, -in_b / 2, mixing)
+    return (w, v), (jnp.diagonal(in_a) - w * jnp.diagonal(in_b), dv)
+
+
+def _size(matrix):
+    return jax.lax.stop_gradient(jnp.max(jnp.abs(matrix)))
