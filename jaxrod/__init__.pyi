@@ -10,6 +10,7 @@ from .basis import Ritz as Ritz
 from .chart import Angles as Angles
 from .chart import Director as Director
 from .chart import Embedded as Embedded
+from .chart import Local as Local
 from .chart import Strains as Strains
 from .configuration import configure as configure
 from .ensemble import sweep as sweep
@@ -23,7 +24,10 @@ from .identification import Fit as Fit
 from .identification import Positive as Positive
 from .identification import fit as fit
 from .lagrangian import Lagrangian as Lagrangian
+from .modal import Modes as Modes
+from .modal import critical_rate as critical_rate
 from .modal import frequency_error as frequency_error
+from .modal import modes as modes
 from .modal import natural_frequencies as natural_frequencies
 from .motion import Driven as Driven
 from .motion import Flight as Flight
@@ -43,6 +47,7 @@ from .simulation import default_chart as default_chart
 from .simulation import default_solver as default_solver
 from .simulation import simulate as simulate
 from .solution import Solution as Solution
+from .statics import equilibrium as equilibrium
 from .system import System as System
 
 __version__: str

@@ -211,6 +211,60 @@ class Strains(AbstractChart):
         return jnp.round((motion.turning(t)[0] - heading(self.place(motion, t, q).direction)) / (2 * jnp.pi))
 
 
+class Local(AbstractChart):
+    """q = (xi, amplitudes) about a director `base` (D,) that turns steadily at `spin` (rad/s): equilibria and modes.
+
+    xi (D - 1,) are slopes along the tangents of `base`, in space sideways and up.  The turning is in the plane, in space
+    about the vertical.  The centre of mass is left out.
+    """
+
+    base: Float[Array, " D"]
+    spin: Float[Array, ""]
+
+    counts_turns: ClassVar[bool] = False
+
+    def size(self, motion):
+        return motion.dimension - 1
+
+    def place(self, motion, t, q):
+        slopes, amplitudes = q[: self.size(motion)], q[self.size(motion) :]
+        d = (self.base + self.tangents() @ slopes) / jnp.sqrt(1 + slopes @ slopes)
+        cos, sin = jnp.cos(self.spin * t), jnp.sin(self.spin * t)
+        turned = jnp.concatenate([jnp.stack([cos * d[0] - sin * d[1], sin * d[0] + cos * d[1]]), d[2:]])
+        return Placement(turned, amplitudes, None)
+
+    def tangents(self) -> Float[Array, "D D-1"]:
+        """Unit vectors across `base`: (-y, x) in the plane; in space horizontal and, across both, upwards."""
+        d = self.base
+        if d.shape == (2,):
+            return jnp.stack([-d[1], d[0]])[:, None]
+        square = d[0] ** 2 + d[1] ** 2
+        polar = square < 1e-20
+        flat = jnp.stack([-d[1], d[0]]) / jnp.sqrt(jnp.where(polar, 1.0, square))
+        sideways = jnp.concatenate([jnp.where(polar, jnp.array([1.0, 0.0], d.dtype), flat), jnp.zeros(1, d.dtype)])
+        return jnp.stack([sideways, jnp.cross(d, sideways)], axis=1)
+
+    def encode(self, motion, state):
+        del motion
+        zero = jnp.zeros_like(self.base[1:])
+        return Phase(jnp.concatenate([zero, state.amplitudes]), jnp.concatenate([zero, state.amplitude_rates]))
+
+    def kinetic(self, motion, body, t, q, v):
+        t = jnp.asarray(t, q.dtype)
+        place, rate = jax.jvp(lambda t, q: self.place(motion, t, q), (t, q), (jnp.ones_like(t), v))
+        return energy.kinetic_director(body, place.amplitudes, rate.amplitudes, rate.direction)
+
+    def solve(self, motion, body, q, right):
+        slopes, a = q[: self.size(motion)], q[self.size(motion) :]
+        stretch = 1 + slopes @ slopes  # |d'|^2 = (|xi'|^2 - (xi . xi')^2 / stretch) / stretch
+        turning, stretching = right[: self.size(motion)], right[self.size(motion) :]
+        turning = stretch * (turning + slopes * (slopes @ turning)) / body.inertia(a)
+        return jnp.concatenate([turning, body.solve_strain(stretching)])
+
+    def turns(self, motion, t, q, counted):
+        return counted
+
+
 def _parts(motion: AbstractMotion, q, size: int):
     """q cut into `size` coordinates of the director, the strain amplitudes, and in flight the centre of mass."""
     if isinstance(motion, Flight):

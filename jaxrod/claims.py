@@ -12,7 +12,8 @@ from jaxtyping import Array, Float
 from . import continuum, modal, paper, plot
 from .basis import Ritz
 from .motion import Flight, Rotation
-from .rod import Lumped, Rod, Uniform
+from .rod import Lumped, Rod
+from .section import Uniform
 from .simulation import simulate
 from .solution import Solution
 from .system import System

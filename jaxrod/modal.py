@@ -1,10 +1,17 @@
-"""Natural frequencies of a scene, and how far they are from the exact rod's."""
+"""Natural frequencies of a scene, how far they are from the exact rod's, and its modes about any equilibrium."""
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
-from . import continuum, spectrum
+from . import checks, continuum, spectrum, statics
+from .motion import Driven, State
 from .system import System
+
+_NEUTRAL = 1e-7  # eigenvalues so far below the largest are rounding: zero is double where the rod turns freely
+_NO_GROWTH = 1e-11  # the same for their real parts
+_BALANCED = 1e-6
 
 
 def natural_frequencies(system: System) -> Float[Array, " n"]:
@@ -40,3 +47,97 @@ def frequency_error(system: System) -> Float[Array, " n"]:
     """
     frequencies = natural_frequencies(system)
     return 100 * (frequencies / continuum.natural_frequencies(system, frequencies.shape[0]) - 1)
+
+
+def critical_rate(system: System) -> Float[Array, ""]:
+    """The prescribed turning rate in rad/s beyond which this scene's strain finds no rest: its lowest axial frequency.
+
+    The exact rod gives way earlier: `continuum.critical_rate`.  Turning freely, with its angular momentum conserved, a
+    rod has no critical rate.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
+    >>> print(jaxrod.critical_rate(jaxrod.System(rod, jaxrod.Rotation())).round(2))
+    158.11
+    """
+    if system.basis.n == 0:
+        raise ValueError("basis=Ritz(0) is rigid and holds at any rate; take Ritz(1) or more.")
+    return 2 * jnp.pi * natural_frequencies(system)[0]
+
+
+class Modes(eqx.Module):
+    """Small motions about an equilibrium, each of the form Re(shape exp((growth + 2 pi i frequency) t)).
+
+    `frequency` (N,) in Hz, ascending; `growth` (N,) in 1/s: positive where the equilibrium is unstable, negative where
+    the motion dies out; of a motion without oscillation the faster growing of its two.  Shapes, scaled so that the
+    largest number is 1, and complex where parts do not move in step (spin, friction): `direction` (N, D), the change of
+    the director in the frame that turns with the rod, and `amplitudes` (N, n) of the strain.
+    """
+
+    frequency: Float[Array, " N"]
+    growth: Float[Array, " N"]
+    direction: Complex[Array, "N D"]
+    amplitudes: Complex[Array, "N n"]
+
+    @property
+    def stable(self) -> Array:
+        """Whether nothing grows."""
+        return jnp.all(self.growth <= 0)
+
+    def __str__(self):
+        lines = ["frequency, Hz   growth, 1/s   swing   strain"]
+        for f, growth, d, a in zip(self.frequency, self.growth, self.direction, self.amplitudes, strict=True):
+            swing, strain = (float(jnp.max(jnp.abs(x), initial=0.0)) for x in (d, a))
+            lines.append(f"{f:13.6g} {growth:13.4g} {swing:7.3f} {strain:8.3f}")
+        return "\n".join(lines)
+
+
+def modes(system: System, about: State | None = None) -> Modes:
+    """All small motions about an equilibrium: swing, strain, and where the rod turns or rubs, what couples them.
+
+    **Arguments:** `about`, a state of rest or steady turning such as `equilibrium(system, ...)` finds, which is also the
+    default.  In space the turning is about the vertical.  The centre of mass of a rod in flight is left out.
+
+    **Raises:** `ValueError` for a state that is none.
+
+    >>> import jax.numpy as jnp, jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
+    >>> print(jaxrod.modes(jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)))
+    frequency, Hz   growth, 1/s   swing   strain
+         0.610338             0   1.000    0.000
+          25.1646             0   0.000    1.000
+    """
+    about = statics.equilibrium(system) if about is None else about
+    frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
+    if checks.fails(lambda x: x < _BALANCED, unbalanced):
+        raise ValueError(
+            f"about= is no equilibrium, accelerations are {float(unbalanced):.1e} of the natural ones; take one from "
+            "jaxrod.equilibrium(system, ...)."
+        )
+    return Modes(frequency, growth, direction, amplitudes)
+
+
+@eqx.filter_jit
+def _modes(system, about):
+    spin = about.rate if about.planar else about.azimuth_rate
+    chart = statics.chart_at(system, about.direction, spin)
+    phase = system.equations(chart).encode(0.0, about)
+    q, rate = phase.q, statics.natural_rate(system)
+
+    def push(q, v):
+        return statics.accelerations(system, chart, q, v)
+
+    zero = jnp.zeros_like(q)
+    unbalanced = jnp.max(jnp.abs(jnp.concatenate([push(q, zero), rate * phase.v])), initial=0.0) / rate**2
+    by_q, by_v = jax.jacfwd(push, argnums=(0, 1))(q, zero)
+    n = q.size
+    matrix = jnp.block([[jnp.zeros((n, n), q.dtype), jnp.eye(n, dtype=q.dtype)], [by_q / rate**2, by_v / rate]])
+    w, v = spectrum.eig(matrix)
+    w = jnp.where(jnp.abs(w) <= _NEUTRAL * jnp.max(jnp.abs(w)), 0.0, w)
+    w = jnp.where(jnp.abs(w.real) <= _NO_GROWTH * jnp.max(jnp.abs(w)), 1j * w.imag, w)
+    upper = jnp.lexsort((-w.real, -w.imag))[:n][::-1]  # one of each pair: the upper, of real ones the faster growing
+    w, v = w[upper], v[:n, upper]
+    v = v / jnp.take_along_axis(v, jnp.argmax(jnp.abs(v), axis=0)[None, :], axis=0)
+    slopes = 0 if isinstance(system.motion, Driven) else system.motion.dimension - 1
+    across = jnp.zeros((about.direction.size, 0)) if slopes == 0 else chart.tangents()
+    return rate * w.imag / (2 * jnp.pi), rate * w.real, (across @ v[:slopes]).T, v[slopes:].T, unbalanced

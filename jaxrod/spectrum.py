@@ -1,8 +1,8 @@
-"""Generalized eigenproblems with derivatives that stay finite where eigenvalues meet.  Knows no rods."""
+"""Eigenproblems with derivatives that stay finite where eigenvalues meet.  Knows no rods."""
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 _MEET = 1e3  # eigenvalues nearer than so many roundings of the largest count as one
 
@@ -37,6 +37,25 @@ def _eigh_jvp(primals, tangents):
     mixing = (in_a - in_b * w[None, :]) / jnp.where(meet, 1.0, gap)
     dv = v @ jnp.where(meet, -in_b / 2, mixing)
     return (w, v), (jnp.diagonal(in_a) - w * jnp.diagonal(in_b), dv)
+
+
+@jax.custom_jvp
+def eig(a: Float[Array, "n n"]) -> tuple[Complex[Array, " n"], Complex[Array, "n n"]]:
+    """a v = w v for any real a: w (n,) and v (n, n) in columns, each up to a factor.
+
+    Derivatives as of `eigh`: finite where eigenvalues meet, and then right for them together.
+    """
+    return jnp.linalg.eig(a)
+
+
+@eig.defjvp
+def _eig_jvp(primals, tangents):
+    (a,), (da,) = primals, tangents
+    w, v = eig(a)
+    inside = jnp.linalg.solve(v, da.astype(v.dtype) @ v)
+    gap = w[None, :] - w[:, None]
+    meet = jnp.abs(gap) <= _MEET * jnp.finfo(a.dtype).eps * jnp.max(jnp.abs(w))
+    return (w, v), (jnp.diagonal(inside), v @ jnp.where(meet, 0.0, inside / jnp.where(meet, 1.0, gap)))
 
 
 def _size(matrix):

@@ -375,6 +375,19 @@ def test_derivatives_of_a_table():
     np.testing.assert_allclose(slope, [[-1.0, 0.0]] * 2, rtol=0, atol=1e-9)
 
 
+def test_derivatives_of_a_table_with_a_point_on_a_break():
+    """The modulus jumps at 0.3 m, from where the second point moves."""
+
+    def log(position):
+        section = jaxrod.Table(jnp.stack([0.0, position, 1.0]), radii=[0.02, 0.03, 0.01])
+        return jnp.log(continuum.natural_frequencies(scene(section, young=jaxrod.Steps([0.3], [1.0, 4.0])), 2))
+
+    with jax.numpy_rank_promotion("allow"):
+        slope, value = jax.jit(jax.jacrev(log))(0.3), jax.jit(log)
+        step = 1e-5
+        np.testing.assert_allclose(slope, (value(0.3 + step) - value(0.3 - step)) / (2 * step), rtol=1e-5)
+
+
 def test_derivatives_of_spinning_frequencies():
     def function(p):
         system = cone(p[0], 0.03, jaxrod.Rotation(p[1]), young=1e7, density=1200.0)

@@ -1,0 +1,144 @@
+"""Rest and steady turning: equilibria, where nothing accelerates in a frame that turns with the rod."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import optimistix as optx
+from jaxtyping import Array, Float
+
+from . import checks
+from .basis import QuasiStatic
+from .chart import AbstractChart, Local, Strains
+from .motion import Driven, Flight, State
+from .system import System
+
+BALANCED = 1e-8  # accelerations over the natural ones below which a state counts as an equilibrium
+
+
+def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum: Any = None) -> State:
+    """A state that rests, or turns steadily without changing its shape.
+
+    - At rest: hanging, its strain the static sag; upright with `angle=jnp.pi / 2`.
+    - `spin`: the turning rate in rad/s.  In the plane without gravity and in flight about the centre of mass; in space
+      about the vertical: the conical pendulum, or what is nearest to `angle`.
+    - `momentum`: instead of the rate, the angular momentum in kg m^2/s of that turning: what a free rod keeps.
+    - A `Driven` motion turns as it is driven at t = 0.
+
+    `angle` in rad above the horizontal is where the search begins; without gravity and outer forces the rod stays
+    there (0 if left out).  Forces are those at t = 0.
+
+    **Raises:** `ValueError` where there is none: a spin beyond the critical rate, gravity across a turning in the plane.
+    Traced scenes that have none give NaN.  Differentiable in every number.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e5, density=1200.0)
+    >>> print(jaxrod.equilibrium(jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)).strain.round(5))
+    0.05886
+    >>> cone = jaxrod.equilibrium(jaxrod.System(rod, jaxrod.Spherical(), gravity=9.81), spin=6.0)
+    >>> print(cone.angle.round(4), cone.strain.round(4))
+    -0.3575 0.1682
+    """
+    if spin is not None and momentum is not None:
+        raise ValueError(f"spin={spin} and momentum={momentum} are both given; leave one out.")
+    if isinstance(system.motion, Driven) and not (angle is None and spin is None and momentum is None):
+        raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
+    given = {"angle": angle, "spin": spin, "momentum": momentum}
+    given = {name: checks.number(name, value) for name, value in given.items() if value is not None}
+    state, error = _search(system, given.get("angle"), given.get("spin"), given.get("momentum"))
+    field = state.amplitudes if system.basis.uniform else system.body.field(state.amplitudes)
+    sound = (error < BALANCED) & (jnp.min(field, initial=0.0) > -1)
+    if checks.fails(lambda sound: sound, sound):
+        what = ", ".join(f"{name}={checks.shown(value)}" for name, value in given.items())
+        raise ValueError(
+            f"no equilibrium of {type(system.motion).__name__}() was found{' with ' * bool(what)}{what}: a steady turning "
+            "in the plane bears no gravity, and a spin no rate beyond critical_rate(system); start from another angle=."
+        )
+    return jax.tree.map(lambda x: jnp.where(sound, x, jnp.nan), state)
+
+
+@eqx.filter_jit
+def _search(system, angle, spin, momentum):
+    dtype = checks.float_type(system, angle, spin, momentum)
+    base = _guess(system, angle, spin).astype(dtype)
+    slopes = 0 if isinstance(system.motion, Driven) else base.size - 1
+    n = 0 if isinstance(system.basis, QuasiStatic) else system.basis.n
+    rate = natural_rate(system)
+
+    def residual(x, system):
+        spin_, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
+        push = accelerations(system, chart_at(system, base, spin_), q, jnp.zeros_like(q)) / rate**2
+        if momentum is None:
+            return push
+        state = _state(system, base, spin_, q)
+        turning = system.angular_momentum(state)
+        turning = turning if state.planar else turning[2]
+        inertia = system.body.mass_matrix[0, 0]
+        return jnp.concatenate([((turning - momentum) / (inertia * rate))[None], push])
+
+    q0 = jnp.zeros(slopes + n, dtype)
+    if momentum is not None:  # a low rate to begin with: from above the critical one the search would not come back
+        slow = jnp.asarray(momentum, dtype) / system.body.mass_matrix[0, 0]
+        q0 = jnp.concatenate([(slow / jnp.sqrt(1 + (slow / rate) ** 2))[None], q0])
+    frozen = jax.lax.stop_gradient(system)
+    solver = optx.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
+    x = optx.least_squares(residual, solver, q0, frozen, max_steps=400, throw=False).value
+    for _ in range(2):  # Newton's last steps, of which the very last carries the derivatives
+        x = jax.lax.stop_gradient(x)
+        slope = jax.lax.stop_gradient(jax.jacfwd(residual)(x, frozen))
+        x = x - jnp.linalg.pinv(slope, rtol=1e-12) @ residual(x, system)
+    error = jnp.max(jnp.abs(residual(x, system)), initial=0.0)
+    spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
+    return _state(system, base, spin, q), error
+
+
+def accelerations(system: System, chart: AbstractChart, q, v) -> Float[Array, " N"]:
+    """v' of a scene at t = 0 in coordinates that turn with it."""
+    return system.equations(chart).acceleration(0.0, q, v)
+
+
+def natural_rate(system: System) -> Float[Array, ""]:
+    """A rate in 1/s to measure accelerations by: the slowest axial one, or that of the swing of a rigid rod."""
+    body = jax.lax.stop_gradient(system.body)
+    if system.basis.n:
+        return jnp.sqrt(body.stiffness_matrix[0, 0] / body.mass_matrix[1, 1])
+    weight = 1.0 if system.gravity is None else jnp.sqrt(jnp.sum(system.gravity**2))
+    return jax.lax.stop_gradient(jnp.sqrt(weight / system.rod.length))
+
+
+def chart_at(system: System, base, spin) -> AbstractChart:
+    """Coordinates that turn steadily about a director."""
+    return Strains() if isinstance(system.motion, Driven) else Local(base, spin)
+
+
+def _state(system: System, base, spin, q) -> State:
+    state = system.equations(chart_at(system, base, spin)).decode(0.0, q, jnp.zeros_like(q))
+    if not isinstance(system.motion, Flight):
+        return state
+    zero = jnp.zeros_like(state.direction)
+    return eqx.tree_at(lambda s: (s.center, s.center_velocity), state, (zero, zero), is_leaf=lambda x: x is None)
+
+
+def _guess(system: System, angle, spin) -> Float[Array, " D"]:
+    """The director to begin with."""
+    dimension = system.motion.dimension
+    if isinstance(system.motion, Driven):
+        return jnp.zeros(dimension)
+    down = jnp.zeros(dimension).at[-1].set(-1.0)
+    if angle is not None:
+        return jnp.zeros(dimension).at[0].set(jnp.cos(angle)).at[-1].set(jnp.sin(angle))
+    if system.gravity is None or isinstance(system.motion, Flight):
+        return jnp.zeros(dimension).at[0].set(1.0)
+    if system.gravity.ndim == 1:
+        down = system.gravity / jnp.sqrt(system.gravity @ system.gravity)
+    body = system.body
+    down = down * jnp.where(body.first_moments[0] < 0, -1.0, 1.0)
+    if spin is None or dimension == 2 or system.gravity.ndim == 1:
+        return down
+    # The cone of a rigid rod, sin(angle) = -gamma / spin^2, where the spin is fast enough to raise it.
+    sine = -system.gravity * body.first_moments[0] / body.mass_matrix[0, 0] / jnp.maximum(spin**2, 1e-300)
+    raised = jnp.abs(sine) < 1
+    sine = jnp.where(raised, sine, 0.0)
+    cone = jnp.zeros(3).at[0].set(jnp.sqrt(1 - sine**2)).at[2].set(sine)
+    return jnp.where(raised, cone, down)
