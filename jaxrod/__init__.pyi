@@ -24,6 +24,8 @@ from .identification import Fit as Fit
 from .identification import Positive as Positive
 from .identification import fit as fit
 from .lagrangian import Lagrangian as Lagrangian
+from .limits import ModelLimits as ModelLimits
+from .limits import model_limits as model_limits
 from .modal import Modes as Modes
 from .modal import critical_rate as critical_rate
 from .modal import frequency_error as frequency_error
@@ -36,10 +38,10 @@ from .motion import Spherical as Spherical
 from .motion import State as State
 from .result import Result as Result
 from .result import SimulationError as SimulationError
-from .section import Cone as Cone
 from .rod import Lumped as Lumped
-from .section import Profile as Profile
 from .rod import Rod as Rod
+from .section import Cone as Cone
+from .section import Profile as Profile
 from .section import Steps as Steps
 from .section import Table as Table
 from .section import Uniform as Uniform

@@ -9,60 +9,15 @@ and the body at the tip in M and p.  The mean of phi_1' is 1 and that of the oth
 """
 
 import abc
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from .projection import Projection, inverse_root, lumped
 from .quadrature import Panels, legendre, local
 from .rod import Lumped, Rod
-
-
-class Projection(eqx.Module):
-    """The rod as its basis sees it: M (n+1, n+1) in kg m^2, K (n, n) in N m, p (n+1,) in kg m.
-
-    `mass` in kg; `tip` (n+1,) holds phi_k(length) in m; `strains` (n, points) phi_k' along the rod and `rigidity`
-    (points,) E A ds in N m, for `law`, the strain law, None for Hooke's.  `root` (n, n): W with W W^T the inverse of
-    M_aa, None where one division does.
-    """
-
-    mass_matrix: Float[Array, "n+1 n+1"]
-    stiffness_matrix: Float[Array, "n n"]
-    first_moments: Float[Array, " n+1"]
-    mass: Float[Array, ""] | None
-    tip: Float[Array, " n+1"]
-    strains: Float[Array, "n points"]
-    rigidity: Float[Array, " points"]
-    law: Any
-    root: Float[Array, "n n"] | None
-
-    @property
-    def strain_mass(self) -> Float[Array, "n n"]:
-        """M_aa: the part of the mass matrix that belongs to the strain amplitudes."""
-        return self.mass_matrix[1:, 1:]
-
-    def inertia(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
-        """Moment of inertia of the stretched rod, z^T M z, in kg m^2."""
-        z = _with_one(amplitudes)
-        return jnp.einsum("...k,kl,...l->...", z, self.mass_matrix, z)
-
-    def moment(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
-        """First moment of the stretched rod, p^T z, in kg m."""
-        return _with_one(amplitudes) @ self.first_moments
-
-    def reach(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
-        """Where the tip is along the director, x(length), in m."""
-        return _with_one(amplitudes) @ self.tip
-
-    def solve_strain(self, right: Float[Array, " n"]) -> Float[Array, " n"]:
-        """M_aa^-1 right."""
-        return right / self.mass_matrix[1:, 1] if self.root is None else self.root @ (self.root.T @ right)
-
-    def field(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch points"]:
-        """Strain along the rod."""
-        return amplitudes @ self.strains
 
 
 class AbstractBasis(eqx.Module):
@@ -86,42 +41,52 @@ class AbstractBasis(eqx.Module):
         if isinstance(rod, Lumped):
             return jnp.stack([s] * (self.n + 1))
         panels = self._panels(rod, pivot)
-        phi = self._held(rod, panels, jnp.concatenate([panels.s, rod.length[None], s]), pivot)
-        return (phi - _mean(rod, panels, phi)[:, None] if free else phi)[:, panels.s.size + 1 :]
+        phi = self._rise(s, pivot)
+        if self.n and not self.uniform:
+            excess = self._excess(rod, panels, pivot)
+            phi = phi.at[1:].add(panels.antiderivative(excess, s) - _until(panels, excess, pivot)[:, None])
+        return phi - _mean(rod, panels, self._at_points(rod, panels, pivot))[:, None] if free else phi
 
     def project(self, rod: Rod | Lumped, pivot: Float[Array, ""] | None = None, free: bool = False) -> Projection:
         """The rod held at `pivot` (m from the root; None: the root itself), or free."""
         if isinstance(rod, Lumped):
-            return _lumped(rod, self.n)
+            return lumped(rod, self.n)
         panels = self._panels(rod, pivot)
         s, ds = panels.s, panels.ds
-        phi = self._held(rod, panels, jnp.concatenate([s, rod.length[None]]), pivot)
+        phi = self._at_points(rod, panels, pivot)
         phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
         strains, rigidity, mass = self.strains(rod, s, pivot), rod.modulus(s) * rod.area(s) * ds, _mass(rod, panels)
-        masses = (phi[:, None] * phi[None, :]) @ mass
-        stiffness = (strains[:, None] * strains[None, :]) @ rigidity
+        masses = (phi * mass[None, :]) @ phi.T
+        stiffness = (strains * rigidity[None, :]) @ strains.T
         if rod.tip_inertia is not None:
             masses = masses.at[0, 0].add(rod.tip_inertia)
         if self.n > 1:  # a piece of no length (the pivot on an end) leaves its shapes empty: they stay at rest
             empty = jnp.diagonal(stiffness) == 0
             stiffness = stiffness + jnp.diag(jnp.where(empty, stiffness[0, 0], 0.0))
         law = None if rod.linear else rod.law
-        root = _inverse_root(masses[1:, 1:]) if self.n > 1 else None
+        root = inverse_root(masses[1:, 1:]) if self.n > 1 else None
         return Projection(masses, stiffness, phi @ mass, jnp.sum(mass), phi[:, -1], strains, rigidity, law, root)
 
     def _panels(self, rod: Rod, pivot) -> Panels:
         return rod.panels(16 + self.n, () if pivot is None else (pivot,))
 
-    def _held(self, rod: Rod, panels: Panels, s, pivot) -> Float[Array, "n+1 points"]:
-        """phi_0 .. phi_n, zero at the pivot.  What phi_1 has beyond phi_0 is integrated, so that uniform is exact."""
+    def _rise(self, s, pivot) -> Float[Array, "n+1 points"]:
+        """phi_0 and phi_1 of uniform strain, and nothing yet of the rest."""
         arm = s if pivot is None else s - pivot
+        return jnp.stack([arm, arm, *[jnp.zeros_like(arm)] * (self.n - 1)][: self.n + 1])
+
+    def _excess(self, rod: Rod, panels: Panels, pivot) -> Float[Array, "n points"]:
+        """What the strains have beyond the uniform one; only that is integrated, so that uniform is exact."""
+        return self.strains(rod, panels.s, pivot).at[0].add(-1.0)
+
+    def _at_points(self, rod: Rod, panels: Panels, pivot) -> Float[Array, "n+1 points+1"]:
+        """phi_0 .. phi_n, zero at the pivot, at the points of the panels and last at the tip."""
+        phi = self._rise(jnp.concatenate([panels.s, rod.length[None]]), pivot)
         if self.n == 0 or self.uniform:
-            return jnp.stack([arm] * (self.n + 1))
-        excess = self.strains(rod, panels.s, pivot).at[0].add(-1.0)
-        phi = panels.antiderivative(excess, s)
-        if pivot is not None:
-            phi = phi - panels.antiderivative(excess, pivot[None])
-        return jnp.concatenate([arm[None], phi.at[0].add(arm)])
+            return phi
+        excess = self._excess(rod, panels, pivot)
+        gained = jnp.concatenate([panels.running(excess), (excess @ panels.ds)[:, None]], axis=1)
+        return phi.at[1:].add(gained - _until(panels, excess, pivot)[:, None])
 
 
 class Ritz(AbstractBasis):
@@ -157,7 +122,7 @@ class Ritz(AbstractBasis):
             start, end = ends[k], ends[k + 1]
             level = jnp.where(s < start, end - start, jnp.where(s < end, -start, 0.0))
             shapes.append(jnp.where(end > start, level, 0.0) / end)
-        return _by_degree(self.n, ends, pieces, s, shapes, lambda t, d: legendre(d + 1, t)[d + 1])
+        return _by_degree(self.n, ends, pieces, s, shapes, lambda t, count: legendre(count, t)[1:])
 
 
 class ForceRitz(AbstractBasis):
@@ -199,16 +164,16 @@ class ForceRitz(AbstractBasis):
             t = jnp.clip(local(points, ends[k], ends[k + 1]), -1.0, 1.0)
             shapes.append(jnp.where(ends[k + 1] > ends[k], t, 0.0))
 
-        def bubble(t, d):
-            p = legendre(d + 2, t)
-            return p[d + 2] - p[d]
+        def bubbles(t, count):
+            p = legendre(count + 1, t)
+            return p[2:] - p[:-2]
 
-        forces = _by_degree(self.n, ends, pieces, points, shapes, bubble)
+        forces = _by_degree(self.n, ends, pieces, points, shapes, bubbles)
         # By elastic energy, so that K is diagonal: orthogonal to the first is of zero mean.
         nodes = panels.s.size
         shapes = _orthogonal(forces * compliance[None, :], panels.ds / compliance[:nodes])
-        mean = shapes[:1, :nodes] @ panels.ds / rod.length  # (1,), or none for n = 0
-        return (shapes / mean[:1, None])[:, nodes:] if self.n else shapes[:, nodes:]
+        mean = shapes[:1, :nodes] @ panels.ds / rod.length
+        return (shapes / mean[:, None])[:, nodes:] if self.n else shapes[:, nodes:]
 
 
 class QuasiStatic(AbstractBasis):
@@ -232,7 +197,9 @@ class QuasiStatic(AbstractBasis):
 
     def __check_init__(self):
         if not isinstance(self.basis, Ritz | ForceRitz) or self.basis.n < 1:
-            raise ValueError(f"QuasiStatic(basis={self.basis!r}) has no strain to condense; give Ritz(n) or ForceRitz(n).")
+            raise ValueError(
+                f"QuasiStatic(basis={self.basis!r}) has no strain to condense; give Ritz(n) or ForceRitz(n)."
+            )
 
     @property
     def n(self):
@@ -248,26 +215,38 @@ class QuasiStatic(AbstractBasis):
 
 def _orthogonal(strains: Float[Array, "n points"], rigidity: Float[Array, " nodes"]) -> Float[Array, "n points"]:
     """Gram and Schmidt's orthonormal shapes, by the energy of the strain at the first points, the nodes."""
-    nodes, found = rigidity.size, []
-    for strain in strains:
+    nodes = rigidity.size
+
+    def add(found, here):
+        k, strain = here
         for _ in range(2):  # once more for what rounding left
-            for other in found:
-                strain = strain - (other[:nodes] * rigidity) @ strain[:nodes] * other
+            strain = strain - (found[:, :nodes] @ (rigidity * strain[:nodes])) @ found
         square = rigidity @ strain[:nodes] ** 2
-        found.append(jnp.where(square > 0, strain / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0))
-    return jnp.stack(found) if found else strains
+        strain = jnp.where(square > 0, strain / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+        return found.at[k].set(strain), None
+
+    return jax.lax.scan(add, jnp.zeros_like(strains), (jnp.arange(len(strains)), strains))[0]
 
 
-def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomial) -> Float[Array, "n points"]:
-    """`shapes`, then the polynomials of degree index 0, 1, ... on each piece in turn, until there are n."""
-    degree = 0
-    while len(shapes) < n:
-        for k in range(pieces):
-            start, end = ends[k], ends[k + 1]
-            inside = (s >= start) & ((s < end) if k + 1 < pieces else (s <= end)) & (end > start)
-            shapes.append(jnp.where(inside, polynomial(local(s, start, end), degree), 0.0))
-        degree += 1
-    return jnp.stack(shapes[:n]) if n else jnp.zeros((0, *s.shape), s.dtype)
+def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float[Array, "n points"]:
+    """`shapes`, then the polynomials (t, count) of the next degree on each piece in turn, until there are n."""
+    count = max(0, -((len(shapes) - n) // pieces))
+    by_piece = []
+    for k in range(pieces):
+        start, end = ends[k], ends[k + 1]
+        inside = (s >= start) & ((s < end) if k + 1 < pieces else (s <= end)) & (end > start)
+        by_piece.append(jnp.where(inside[None, :], polynomials(local(s, start, end), count), 0.0) if count else None)
+    shapes = jnp.stack(shapes)
+    if count:
+        shapes = jnp.concatenate([shapes, jnp.stack(by_piece, axis=1).reshape(-1, s.size)])
+    return shapes[:n]
+
+
+def _until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:
+    """int from the root to the pivot, which ends a panel."""
+    if pivot is None:
+        return jnp.zeros(len(values), values.dtype)
+    return values @ jnp.where(panels.s < pivot, panels.ds, 0.0)
 
 
 def _pieces(rod: Rod, pivot) -> tuple[Float[Array, " pieces+1"], int]:
@@ -291,33 +270,7 @@ def _mean(rod: Rod, panels: Panels, phi) -> Float[Array, " n+1"]:
     return phi[:, : mass.size] @ mass / jnp.sum(mass)
 
 
-def _lumped(rod: Lumped, n: int) -> Projection:
-    ones = jnp.ones(n + 1, dtype=rod.inertia.dtype)
-    return Projection(
-        rod.inertia * jnp.outer(ones, ones),
-        rod.stiffness * jnp.outer(ones, ones)[1:, 1:],
-        rod.first_moment * ones,
-        mass=None,
-        tip=rod.length * ones,
-        strains=ones[1:, None],
-        rigidity=rod.stiffness[None],
-        law=None,
-        root=None,
-    )
-
-
-def _inverse_root(mass: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """W with W W^T the inverse; shapes without mass are left at rest."""
-    mass = mass + jnp.diag(jnp.where(jnp.diagonal(mass) == 0, mass[0, 0], 0.0))
-    lower = jnp.linalg.cholesky(mass)
-    return jax.scipy.linalg.solve_triangular(lower, jnp.eye(mass.shape[0], dtype=mass.dtype), lower=True).T
-
-
 def _check(basis: AbstractBasis) -> None:
     if type(basis.n) is not int or basis.n < 0:
         name = type(basis).__name__
         raise ValueError(f"{name}(n={basis.n}) is not available; give a whole number of strain shapes, 0 for rigid.")
-
-
-def _with_one(amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch n+1"]:
-    return jnp.concatenate([jnp.ones_like(amplitudes, shape=(*amplitudes.shape[:-1], 1)), amplitudes], axis=-1)

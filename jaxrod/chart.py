@@ -13,9 +13,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import energy
-from .basis import Projection
 from .lagrangian import Phase
 from .motion import AbstractMotion, Flight, Placement, State, heading
+from .projection import Projection
 
 
 class AbstractChart(eqx.Module):

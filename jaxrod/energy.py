@@ -7,7 +7,7 @@ Equation numbers are those of Vikhrenko, Lasovsky, Tishevich (2013).
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .basis import Projection
+from .projection import Projection
 
 
 def kinetic_rotation(body: Projection, a, da, dpsi) -> Float[Array, ""]:

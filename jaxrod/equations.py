@@ -10,11 +10,11 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from . import energy
-from .basis import Projection
 from .chart import AbstractChart
 from .force import AbstractForce
 from .lagrangian import Lagrangian, Phase, solve_positive
 from .motion import AbstractMotion, Placement, State
+from .projection import Projection
 
 
 class Scene(eqx.Module):

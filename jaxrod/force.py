@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import checks
-from .basis import Projection
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
+from .projection import Projection
 
 
 class AbstractForce(eqx.Module):

@@ -10,10 +10,11 @@ import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
 from . import continuum
-from .basis import Projection, QuasiStatic
+from .basis import QuasiStatic
 from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, Flight, State
+from .projection import Projection
 from .result import Result
 from .rod import Rod
 from .solution import Solution
@@ -41,12 +42,8 @@ def integrate(
         given = system
     t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
     equations = system if chart is None else system.equations(chart)
-    if chart is None:
-        phase = start
-    else:
-        phase = equations.encode(t0, start)
     y0 = Tracked(
-        phase=phase,
+        phase=start if chart is None else equations.encode(t0, start),
         remainder=None,
         turns=None if chart is None or chart.counts_turns else start.turns,
     )

@@ -5,7 +5,7 @@ M v' = dL/dq + Q - dp/dt|_v - (dp/dq) v
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax

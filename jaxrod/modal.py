@@ -27,10 +27,14 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))).round(3))
     [ 19.239  68.212 158.86 ]
     """
+    return _natural_frequencies(system)
+
+
+@eqx.filter_jit
+def _natural_frequencies(system):
     body = system.body
     if system.basis.n < 2:
-        square = jnp.diagonal(body.stiffness_matrix) / jnp.diagonal(body.strain_mass)
-        return jnp.sqrt(square) / (2 * jnp.pi)
+        return jnp.sqrt(jnp.diagonal(body.stiffness_matrix) / jnp.diagonal(body.strain_mass)) / (2 * jnp.pi)
     # M v = K v / omega^2: the lowest frequencies, the largest 1 / omega^2, come out best.
     compliance, _ = spectrum.eigh(body.strain_mass, body.stiffness_matrix)
     rigid = compliance <= jnp.finfo(compliance.dtype).eps * compliance[-1] / 8

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks
@@ -72,7 +73,9 @@ class Driven(AbstractPivoted):
 
     def __init__(self, angle, pivot=0.0):
         if not callable(angle):
-            raise ValueError(f"Driven(angle={angle!r}) is not a function of time; give one, such as lambda t: 15.0 * t.")
+            raise ValueError(
+                f"Driven(angle={angle!r}) is not a function of time; give one, such as lambda t: 15.0 * t."
+            )
         self.angle = checks.carried(angle)
         self.pivot = _inside(pivot)
 
@@ -199,5 +202,6 @@ def _horizontal(direction: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*bat
 
 def _inside(pivot):
     """A pivot, or None if it is known to be the root: then the rod is one piece."""
-    pivot = checks.not_negative("pivot", 0.0 if pivot is None else pivot, "metres from the root")
-    return pivot if checks.fails(lambda s: s == 0, pivot) or not checks.known(pivot) else None
+    if pivot is None or (checks.known(pivot) and np.ndim(pivot) == 0 and pivot == 0):
+        return None
+    return checks.not_negative("pivot", pivot, "metres from the root")

@@ -29,28 +29,42 @@ class Panels(eqx.Module):
         _, w = np.polynomial.legendre.leggauss(self.order)
         return (self._half()[:, None] * jnp.asarray(w, self.ends.dtype)[None, :]).reshape(-1)
 
-    def antiderivative(self, values: Float[Array, "k points"], at: Float[Array, " m"]) -> Float[Array, "k m"]:
-        """int from ends[0] to each of `at` of the functions with these values at the points."""
+    def running(self, values: Float[Array, "k points"]) -> Float[Array, "k points"]:
+        """int from ends[0] to each point of the functions with these values at the points."""
         x, w = np.polynomial.legendre.leggauss(self.order)
-        degree = np.arange(self.order)
-        project = (degree + 0.5)[:, None] * np.polynomial.legendre.legvander(x, self.order - 1).T * w
-        series = values.reshape(len(values), -1, self.order) @ jnp.asarray(project.T, values.dtype)
-        half, panel = self._half(), self._panel(at)
-        whole = 2 * half * series[:, :, 0]
+        within = _integrals(x) @ _series(self.order)
+        panels = values.reshape(len(values), -1, self.order)
+        half = self._half()[None, :, None]
+        whole = half * (panels @ jnp.asarray(w[:, None], values.dtype))
         before = jnp.cumsum(whole, axis=1) - whole
-        # int_-1^x P_k = (P_k+1 - P_k-1) / (2 k + 1), and x + 1 for k = 0
-        p = legendre(self.order, self._local(at, panel))
-        within = jnp.concatenate([(p[1] + 1)[None], (p[2:] - p[:-2]) / jnp.asarray(2 * degree[1:] + 1, p.dtype)[:, None]])
-        return before[:, panel] + half[panel] * jnp.einsum("kmd,dm->km", series[:, panel, :], within)
+        return (before + half * (panels @ jnp.asarray(within.T, values.dtype))).reshape(values.shape)
+
+    def antiderivative(self, values: Float[Array, "k points"], at: Float[Array, " m"]) -> Float[Array, "k m"]:
+        """The same integrals up to any coordinates `at`."""
+        panel = jnp.clip(jnp.searchsorted(self.ends, at, side="right") - 1, 0, self.ends.size - 2)
+        series = values.reshape(len(values), -1, self.order) @ jnp.asarray(_series(self.order).T, values.dtype)
+        half = self._half()
+        whole = 2 * half[None, :] * series[:, :, 0]
+        before = jnp.cumsum(whole, axis=1) - whole
+        p = legendre(self.order, local(at, self.ends[panel], self.ends[panel + 1]))
+        odd = jnp.arange(3, 2 * self.order, 2, dtype=p.dtype)[:, None]
+        within = jnp.concatenate([(p[1] + 1)[None], (p[2:] - p[:-2]) / odd])
+        return before[:, panel] + half[panel][None, :] * jnp.einsum("kmd,dm->km", series[:, panel, :], within)
 
     def _half(self):
         return jnp.diff(self.ends) / 2
 
-    def _panel(self, at):
-        return jnp.clip(jnp.searchsorted(self.ends, at, side="right") - 1, 0, self.ends.size - 2)
 
-    def _local(self, at, panel):
-        return local(at, self.ends[panel], self.ends[panel + 1])
+def _series(order: int) -> np.ndarray:
+    """From values at the points of a panel to the coefficients of their Legendre series."""
+    x, w = np.polynomial.legendre.leggauss(order)
+    return (np.arange(order) + 0.5)[:, None] * np.polynomial.legendre.legvander(x, order - 1).T * w
+
+
+def _integrals(x: np.ndarray) -> np.ndarray:
+    """int_-1^x P_k = (P_k+1 - P_k-1) / (2 k + 1), and x + 1 for k = 0, at the points x of a panel."""
+    p = np.polynomial.legendre.legvander(x, x.size)
+    return np.concatenate([p[:, 1:2] + 1, (p[:, 2:] - p[:, :-2]) / np.arange(3, 2 * x.size, 2)], axis=1)
 
 
 def local(s: Any, start: Any, end: Any) -> Any:

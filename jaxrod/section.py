@@ -151,7 +151,8 @@ class Table(AbstractSection):
         self.areas = jnp.pi * measured**2 if areas is None else measured
 
     def area(self, s, length):
-        logs = interpax.interp1d(jnp.ravel(s), self.positions, jnp.log(self.areas), method="monotonic", extrap=True)
+        with jax.numpy_rank_promotion("allow"):  # interpax broadcasts freely
+            logs = interpax.interp1d(jnp.ravel(s), self.positions, jnp.log(self.areas), method="monotonic", extrap=True)
         return jnp.exp(logs).reshape(jnp.shape(s))
 
     def knots(self, length):

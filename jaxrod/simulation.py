@@ -39,9 +39,9 @@ def default_solver(system: System | Lagrangian) -> diffrax.AbstractSolver:
 def default_chart(system: Any) -> AbstractChart:
     """The coordinates that `simulate` takes when none are given.
 
-    Where the rotation is driven the strain alone.  In the plane the angle, which has no pole and counts its turns.  In space the embedded q = (1 + eps) d, for a rigid
-    rod its director.  In float32 always the director beside the strain: an angle of many turns and a strain kept as
-    1 + eps would lose their last digits to rounding.
+    Where the rotation is driven the strain alone.  In the plane the angle, which has no pole and counts its turns.  In
+    space the embedded q = (1 + eps) d where the strain is uniform, else the director.  In float32 always the director
+    beside the strain: an angle of many turns and a strain kept as 1 + eps would lose their last digits to rounding.
     """
     if isinstance(system.motion, Driven):
         return Strains()

@@ -45,7 +45,8 @@ def eig(a: Float[Array, "n n"]) -> tuple[Complex[Array, " n"], Complex[Array, "n
 
     Derivatives as of `eigh`: finite where eigenvalues meet, and then right for them together.
     """
-    return jnp.linalg.eig(a)
+    w, v = jnp.linalg.eig(a)
+    return w, v
 
 
 @eig.defjvp

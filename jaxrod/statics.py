@@ -84,10 +84,10 @@ def _search(system, angle, spin, momentum):
     frozen = jax.lax.stop_gradient(system)
     solver = optx.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
     x = optx.least_squares(residual, solver, q0, frozen, max_steps=400, throw=False).value
-    for _ in range(2):  # Newton's last steps, of which the very last carries the derivatives
-        x = jax.lax.stop_gradient(x)
-        slope = jax.lax.stop_gradient(jax.jacfwd(residual)(x, frozen))
-        x = x - jnp.linalg.pinv(slope, rtol=1e-12) @ residual(x, system)
+    # Newton's last step, which carries the derivatives.
+    x = jax.lax.stop_gradient(x)
+    slope = jax.lax.stop_gradient(jax.jacfwd(residual)(x, frozen))
+    x = x - jnp.linalg.pinv(slope, rtol=1e-12) @ residual(x, system)
     error = jnp.max(jnp.abs(residual(x, system)), initial=0.0)
     spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
     return _state(system, base, spin, q), error

@@ -9,12 +9,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks, energy
-from .basis import AbstractBasis, Projection, QuasiStatic, Ritz
+from .basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
 from .force import AbstractForce
 from .lagrangian import Lagrangian
 from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, heading
+from .projection import Projection
 from .rod import Lumped, Rod
 
 
@@ -75,7 +76,9 @@ class System(eqx.Module):
             if self._pivot is not None:
                 raise ValueError("rod=Lumped(...) is given about its pivot already; leave out pivot=.")
             if self.basis.n > 1 or not isinstance(self.basis, Ritz):
-                raise ValueError(f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {self.basis!r}.")
+                raise ValueError(
+                    f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {self.basis!r}."
+                )
             return
         if isinstance(self.basis, QuasiStatic) and not self.rod.linear:
             raise ValueError(
@@ -186,7 +189,9 @@ class System(eqx.Module):
         if checks.fails(lambda a: a == 0, amplitudes):
             lowest = amplitudes if self.basis.uniform else self.body.field(amplitudes)
             if checks.fails(lambda strain: strain > -1, lowest):
-                raise ValueError(f"strain={np.min(np.asarray(lowest)):.6g} turns the rod inside out; it must be above -1.")
+                raise ValueError(
+                    f"strain={np.min(np.asarray(lowest)):.6g} turns the rod inside out; it must be above -1."
+                )
 
     def valid(self, start: State) -> Array:
         """Whether rod and start make sense: what construction asks of known numbers, for traced ones."""

@@ -1,0 +1,82 @@
+"""The rod as a basis sees it: a few small arrays, which are all that the energies need."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from .rod import Lumped
+
+
+class Projection(eqx.Module):
+    """The rod as its basis sees it: M (n+1, n+1) in kg m^2, K (n, n) in N m, p (n+1,) in kg m.
+
+    `mass` in kg; `tip` (n+1,) holds phi_k(length) in m; `strains` (n, points) phi_k' along the rod and `rigidity`
+    (points,) E A ds in N m, for `law`, the strain law, None for Hooke's.  `root` (n, n): W with W W^T the inverse of
+    M_aa, None where one division does.
+    """
+
+    mass_matrix: Float[Array, "n+1 n+1"]
+    stiffness_matrix: Float[Array, "n n"]
+    first_moments: Float[Array, " n+1"]
+    mass: Float[Array, ""] | None
+    tip: Float[Array, " n+1"]
+    strains: Float[Array, "n points"]
+    rigidity: Float[Array, " points"]
+    law: Any
+    root: Float[Array, "n n"] | None
+
+    @property
+    def strain_mass(self) -> Float[Array, "n n"]:
+        """M_aa: the part of the mass matrix that belongs to the strain amplitudes."""
+        return self.mass_matrix[1:, 1:]
+
+    def inertia(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
+        """Moment of inertia of the stretched rod, z^T M z, in kg m^2."""
+        z = _with_one(amplitudes)
+        return jnp.einsum("...k,kl,...l->...", z, self.mass_matrix, z)
+
+    def moment(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
+        """First moment of the stretched rod, p^T z, in kg m."""
+        return _with_one(amplitudes) @ self.first_moments
+
+    def reach(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
+        """Where the tip is along the director, x(length), in m."""
+        return _with_one(amplitudes) @ self.tip
+
+    def solve_strain(self, right: Float[Array, " n"]) -> Float[Array, " n"]:
+        """M_aa^-1 right."""
+        return right / self.mass_matrix[1:, 1] if self.root is None else self.root @ (self.root.T @ right)
+
+    def field(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch points"]:
+        """Strain along the rod."""
+        return amplitudes @ self.strains
+
+
+def lumped(rod: Lumped, n: int) -> Projection:
+    """A body of given inertia with n = 0 or 1 uniform strain."""
+    ones = jnp.ones(n + 1, dtype=rod.inertia.dtype)
+    return Projection(
+        rod.inertia * jnp.outer(ones, ones),
+        rod.stiffness * jnp.outer(ones, ones)[1:, 1:],
+        rod.first_moment * ones,
+        mass=None,
+        tip=rod.length * ones,
+        strains=ones[1:, None],
+        rigidity=rod.stiffness[None],
+        law=None,
+        root=None,
+    )
+
+
+def inverse_root(mass: Float[Array, "n n"]) -> Float[Array, "n n"]:
+    """W with W W^T the inverse; shapes without mass are left at rest."""
+    mass = mass + jnp.diag(jnp.where(jnp.diagonal(mass) == 0, mass[0, 0], 0.0))
+    lower = jnp.linalg.cholesky(mass)
+    return jax.scipy.linalg.solve_triangular(lower, jnp.eye(mass.shape[0], dtype=mass.dtype), lower=True).T
+
+
+def _with_one(amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch n+1"]:
+    return jnp.concatenate([jnp.ones_like(amplitudes, shape=(*amplitudes.shape[:-1], 1)), amplitudes], axis=-1)
