@@ -137,7 +137,7 @@ class ForceRitz(AbstractBasis):
     >>> taper = jaxrod.Rod(length=1.0, section=jaxrod.Cone(2e-4, 0.2), young=1e7, density=1200.0)
     >>> for basis in (jaxrod.Ritz(4), jaxrod.ForceRitz(4)):
     ...     print(jaxrod.frequency_error(jaxrod.System(taper, jaxrod.Rotation(), basis))[:1].round(3))
-    [231.868]
+    [559.716]
     [0.]
     """
 
@@ -189,8 +189,8 @@ class QuasiStatic(AbstractBasis):
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=2e11, density=7800.0)
     >>> system = jaxrod.System(rod, jaxrod.Rotation(), jaxrod.QuasiStatic(jaxrod.Ritz(3)), gravity=9.81)
     >>> sol = jaxrod.simulate(system, system.state(rate=15.0), t1=10.0)
-    >>> print(sol.angle.round(3), int(sol.stats["num_steps"]) < 500)
-    [149.527] True
+    >>> print(sol.angle.round(3), int(sol.stats["num_steps"]) < 1000)
+    [149.464] True
     """
 
     basis: AbstractBasis

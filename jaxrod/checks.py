@@ -86,4 +86,5 @@ def brief(value: Any) -> str:
 
 def carried(function: Callable[..., Any]) -> Any:
     """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
-    return function if isinstance(function, eqx.Module) else jax.tree_util.Partial(function)
+    carried = isinstance(function, eqx.Module | jax.tree_util.Partial)
+    return function if carried else jax.tree_util.Partial(function)

@@ -41,7 +41,7 @@ class Torque(AbstractForce):
     >>> motor = jaxrod.Torque(lambda t, state: 2.0 * jnp.sin(3 * t) - 0.1 * state.rate)
     >>> system = jaxrod.System(rod, jaxrod.Rotation(), forces=[motor])
     >>> print(jaxrod.simulate(system, system.state(), t1=1.0).angle.round(4))
-    [1.0379]
+    [0.7795]
     """
 
     moment: Any

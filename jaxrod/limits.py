@@ -18,6 +18,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import continuum
+from .mesh import mesh, safe_sqrt
+from .motion import Driven
 from .rod import Rod
 
 _NU = 0.5  # Poisson's ratio at its greatest, of rubber: the most that lateral inertia can do
@@ -62,16 +64,14 @@ def model_limits(system: Any) -> ModelLimits:
     **Raises:** `ValueError` for a `Lumped` body.
 
     >>> import jaxrod
-    >>> from jaxrod.limits import model_limits
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
-    >>> print(model_limits(jaxrod.System(cone, jaxrod.Rotation())))
+    >>> print(jaxrod.model_limits(jaxrod.System(cone, jaxrod.Rotation())))
     bending (hinged, straight, unstressed): 2.557 and 8.82 Hz; the model has none
     axial: 19.24 Hz; lateral inertia lowers it by 0.0057 % or less (Poisson's ratio 0.5)
     slenderness 80 (length over radius of gyration)
     """
     rod, pivot, free = continuum.support(system)
-    clamped = any(kind.__name__ == "Driven" for kind in type(system.motion).__mro__)
-    support = "free" if free else "clamped" if clamped else "hinged"
+    support = "free" if free else "clamped" if isinstance(system.motion, Driven) else "hinged"
     return _limits(rod, pivot, support)
 
 
@@ -95,16 +95,16 @@ def _bending(rod: Rod, pivot: Any, support: str, n: int = 2, order: int = _ORDER
     center = rod.center_of_mass
     held = center if support == "free" else pivot
     turned = held if support == "clamped" else center
-    grid = continuum.mesh(rod, [x for x in (held, turned) if x is not None], order)
-    compliance = continuum.safe_sqrt(grid.ds / (rod.modulus(grid.s) * _second_moment(rod, grid.s)))
+    grid = mesh(rod, [x for x in (held, turned) if x is not None], order)
+    compliance = safe_sqrt(grid.ds / (rod.modulus(grid.s) * _second_moment(rod, grid.s)))
     slope = grid.reach(turned)
     # Deflection of the nodes and the tip per curvature at the nodes.
     deflection = (grid.reach(held) * grid.ds[None, :]) @ slope[:-1]
-    rows, weight = deflection[: grid.mass.size], continuum.safe_sqrt(grid.mass)
+    rows, weight = deflection[: grid.mass.size], safe_sqrt(grid.mass)
     ones, lever = jnp.ones_like(grid.s_mass), grid.s_mass - (0.0 if held is None else held)
     if rod.tip_inertia is not None:
         rows = jnp.concatenate([rows, slope[-1:]])
-        weight = jnp.append(weight, continuum.safe_sqrt(rod.tip_inertia))
+        weight = jnp.append(weight, safe_sqrt(rod.tip_inertia))
         ones, lever = jnp.append(ones, 0.0), jnp.append(lever, 1.0)
     F = weight[:, None] * rows * compliance[None, :]
     if support == "free":

@@ -1,14 +1,19 @@
 """Natural frequencies of a scene, how far they are from the exact rod's, and its modes about any equilibrium."""
 
+import warnings
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from . import checks, continuum, spectrum, statics
 from .motion import Driven, State
+from .rod import Rod
 from .system import System
 
+_THICK = 0.01  # relative error of the first frequency that is worth a warning
 _NEUTRAL = 1e-7  # eigenvalues so far below the largest are rounding: zero is double where the rod turns freely
 _NO_GROWTH = 1e-11  # the same for their real parts
 _BALANCED = 1e-6
@@ -20,14 +25,33 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     For uniform strain sqrt(c l0^2 / I) / 2 pi; a rigid rod has none.  Shapes on a piece of no length, where the pivot
     lies on an end, have inf.  Differentiable in every number of the rod.
 
+    **Warns** for a rod so thick that lateral inertia, which the model leaves out, matters: by 1 % or more.
+
     >>> import jaxrod
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation())).round(3))
     [22.972]
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))).round(3))
-    [ 19.239  68.212 158.86 ]
+    [ 19.239  68.213 158.859]
     """
-    return _natural_frequencies(system)
+    frequencies = _natural_frequencies(system)
+    _warn_if_thick(system, frequencies)
+    return frequencies
+
+
+def _warn_if_thick(system: System, frequencies) -> None:
+    """Say so where a rod is so thick that its sideways motion matters: nu^2 k^2 r^2 / 4 of the frequency, nu = 1/2."""
+    rod = system.rod
+    if not isinstance(rod, Rod) or frequencies.size == 0 or not checks.known(frequencies):
+        return
+    s, _ = rod.quadrature()
+    square = (np.pi * frequencies[0] / rod.wave_speed) ** 2 * jnp.mean(rod.area(s)) / np.pi / 4
+    if checks.fails(lambda lowered: lowered < _THICK, square):
+        warnings.warn(
+            f"lateral inertia, which the model leaves out, may lower the first frequency of so thick a rod by "
+            f"{100 * float(square):.2g} %; see jaxrod.model_limits(system).",
+            stacklevel=3,
+        )
 
 
 @eqx.filter_jit
@@ -108,7 +132,7 @@ def modes(system: System, about: State | None = None) -> Modes:
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
     >>> print(jaxrod.modes(jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)))
     frequency, Hz   growth, 1/s   swing   strain
-         0.610338             0   1.000    0.000
+         0.610341             0   1.000    0.000
           25.1646             0   0.000    1.000
     """
     about = statics.equilibrium(system) if about is None else about

@@ -64,7 +64,7 @@ class Driven(AbstractPivoted):
     >>> system = jaxrod.System(rod, jaxrod.Driven(lambda t: 15.0 * t))
     >>> sol = jaxrod.simulate(system, system.state(), t1=0.1)
     >>> print(f"{sol.strain[-1]:.6f}, {system.drive_torque(0.1, sol.states[-1]):.4f} N m")
-    0.018231, -0.0254 N m
+    0.018159, -1.1011 N m
     """
 
     angle: Any

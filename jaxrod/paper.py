@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from . import continuum
+from .limits import model_limits
 from .basis import Ritz
 from .motion import Rotation
 from .rod import Lumped, Rod
@@ -105,17 +105,17 @@ def slips() -> list[Slip]:
 
 def omissions() -> list[tuple[str, str]]:
     """What the model leaves out, with numbers for the rod of Figure 2."""
-    mean = (THIN + THICK) / 2
-    bending = 3.926602312**2 * (mean / 2) * float(rod().wave_speed) / LENGTH**2 / (2 * math.pi)  # tan x = tanh x
-    axial = float(continuum.natural_frequencies(corrected(), 1)[0])
-    kappa = 2 * math.pi * axial * LENGTH / float(rod().wave_speed)
-    lateral = 0.5**2 * kappa**2 * mean**2 / (4 * LENGTH**2)
+    limits = model_limits(corrected())
     return [
         (
             "bending",
-            f"first frequency {bending:.2f} Hz (pinned and free, uniform rod of the mean radius), beside {axial:.1f} Hz "
-            f"axial and {SPIN / (2 * math.pi):.2f} Hz of spin: this rod would not stay straight",
+            f"first frequency {limits.bending_frequencies[0]:.2f} Hz (hinged at the thin end), beside "
+            f"{limits.axial_frequency:.1f} Hz axial and {SPIN / (2 * math.pi):.2f} Hz of spin: this rod would not stay "
+            "straight",
         ),
-        ("lateral inertia", f"lowers the axial frequency by {100 * lateral:.4f} % (Poisson's ratio 0.5)"),
+        (
+            "lateral inertia",
+            f"lowers the axial frequency by {100 * limits.lateral_inertia:.4f} % (Poisson's ratio 0.5)",
+        ),
         ("large strain", "Hooke's law is taken for any strain; here it stays below 2.5 %"),
     ]

@@ -123,7 +123,7 @@ class Table(AbstractSection):
     >>> section = jaxrod.Table([0.0, 0.5, 1.0], radii=[0.02, 0.026, 0.03])
     >>> rod = jaxrod.Rod(length=1.0, section=section, young=1e7, density=1200.0)
     >>> print(f"{rod.mass:.3f} kg")
-    2.433 kg
+    2.515 kg
     """
 
     positions: Float[Array, " points"]

@@ -11,9 +11,15 @@ from jaxtyping import Array, Bool, Float
 
 from . import checks
 from .lagrangian import Lagrangian
+from .limits import model_limits
 from .motion import State
 from .result import Result
+from .rod import Rod
 from .system import System
+
+_SLOW_TURNING = 5  # bending frequency over turns a second above which a rod stays straight enough
+_SMALL_ERROR = 0.01
+_LARGE_STRAIN = 0.1
 
 
 class Solution(eqx.Module):
@@ -116,7 +122,26 @@ class Solution(eqx.Module):
             for name, unit in (("angle", "rad"), ("strain", ""), ("energy", "J")):
                 values = getattr(self, name)
                 lines.append(f"{name:>8}: {jnp.nanmin(values):.6g} .. {jnp.nanmax(values):.6g} {unit}".rstrip())
+            lines += [f"left out: {line}" for line in self._left_out()]
         return "\n".join(lines)
+
+    def _left_out(self) -> list[str]:
+        """What the model does not have and this motion would have shown."""
+        system, states = self.system, self.states
+        if not isinstance(system, System) or not isinstance(system.rod, Rod):
+            return []
+        lines, limits = [], model_limits(system)
+        turning = float(jnp.nanmax(jnp.sqrt(jnp.sum(states.direction_rate**2, axis=-1)))) / (2 * np.pi)
+        bending, axial = float(limits.bending_frequencies[0]), float(limits.axial_frequency)
+        if bending < _SLOW_TURNING * turning:
+            lines.append(f"bending, {bending:.3g} Hz (axial {axial:.3g} Hz), at up to {turning:.3g} turns a second")
+        if limits.lateral_inertia > _SMALL_ERROR:
+            lines.append(f"lateral inertia, {100 * float(limits.lateral_inertia):.2g} % of the axial frequency")
+        if system.basis.n and system.rod.linear:
+            largest = float(jnp.nanmax(jnp.abs(system.body.field(states.amplitudes))))
+            if largest > _LARGE_STRAIN:
+                lines.append(f"a law of large strain, which reaches {largest:.2g}; Rod(law=...) takes one")
+        return lines
 
 
 @eqx.filter_jit

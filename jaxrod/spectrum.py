@@ -46,17 +46,31 @@ def eig(a: Float[Array, "n n"]) -> tuple[Complex[Array, " n"], Complex[Array, "n
     Derivatives as of `eigh`: finite where eigenvalues meet, and then right for them together.
     """
     w, v = jnp.linalg.eig(a)
-    return w, v
+    # A step of Newton's: beside a double eigenvalue LAPACK's shapes of the others have half the digits.
+    return w, v + _turned(a, w, v, v * w[None, :] - a @ v)
 
 
 @eig.defjvp
 def _eig_jvp(primals, tangents):
     (a,), (da,) = primals, tangents
     w, v = eig(a)
-    inside = jnp.linalg.solve(v, da.astype(v.dtype) @ v)
-    gap = w[None, :] - w[:, None]
-    meet = jnp.abs(gap) <= _MEET * jnp.finfo(a.dtype).eps * jnp.max(jnp.abs(w))
-    return (w, v), (jnp.diagonal(inside), v @ jnp.where(meet, 0.0, inside / jnp.where(meet, 1.0, gap)))
+    dw = jnp.diagonal(jnp.linalg.solve(v, da.astype(v.dtype) @ v))
+
+    return (w, v), (dw, _turned(a, w, v, v * dw[None, :] - da @ v))
+
+
+def _turned(a, w, v, load):
+    """dv, column by column, with (a - w) dv = load across v.
+
+    Each by its own equations: a sum over the other shapes breaks down where two of them are one, as of a rod that turns
+    freely.
+    """
+
+    def turn(w, v, load):
+        across = jnp.concatenate([a - w * jnp.eye(a.shape[0]), v.conj()[None, :]])
+        return jnp.linalg.pinv(across, rtol=1e-12) @ jnp.append(load, 0.0)
+
+    return jax.vmap(turn, in_axes=(0, 1, 1), out_axes=1)(w, v, load)
 
 
 def _size(matrix):

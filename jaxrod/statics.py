@@ -37,8 +37,8 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     >>> print(jaxrod.equilibrium(jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)).strain.round(5))
     0.05886
     >>> cone = jaxrod.equilibrium(jaxrod.System(rod, jaxrod.Spherical(), gravity=9.81), spin=6.0)
-    >>> print(cone.angle.round(4), cone.strain.round(4))
-    -0.3575 0.1682
+    >>> print(f"{cone.angle:.4f} rad, {cone.strain:.4f}")
+    -0.3575 rad, 0.1682
     """
     if spin is not None and momentum is not None:
         raise ValueError(f"spin={spin} and momentum={momentum} are both given; leave one out.")

@@ -180,7 +180,7 @@ class System(eqx.Module):
         if amplitudes is None:
             if n == 0 and checks.fails(lambda x: x == 0, uniform):
                 raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
-            return jnp.concatenate([uniform[None], jnp.zeros(max(n - 1, 0), uniform.dtype)])[:n]
+            return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
         if checks.fails(lambda x: x == 0, uniform):
             raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
         return checks.number(all_name, amplitudes, (n,))

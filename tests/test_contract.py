@@ -33,7 +33,10 @@ NAMES = [
     "ForceRitz",
     "KelvinVoigt",
     "Lagrangian",
+    "Local",
     "Lumped",
+    "ModelLimits",
+    "Modes",
     "PivotFriction",
     "Positive",
     "Profile",
@@ -57,12 +60,16 @@ NAMES = [
     "claims",
     "configure",
     "continuum",
+    "critical_rate",
     "default_chart",
     "default_solver",
     "energy",
+    "equilibrium",
     "fit",
     "frequency_error",
     "law",
+    "model_limits",
+    "modes",
     "natural_frequencies",
     "paper",
     "plot",
@@ -245,13 +252,14 @@ def test_shapes(name):
 
 
 def test_print():
-    """Four short lines: where it went, and how."""
+    """A few short lines: where it went, how, and what the model leaves out."""
     number = r"-?\d[\d.e+-]*"
     lines = (
         rf"61 times to t = 0\.2 s by Dopri8, Embedded, \d+ steps: the run reached its end\n"
         rf" +angle: {number} \.\. {number} rad\n"
         rf" +strain: {number} \.\. {number}\n"
-        rf" +energy: {number} \.\. {number} J"
+        rf" +energy: {number} \.\. {number} J\n"
+        rf"left out: bending, {number} Hz \(axial {number} Hz\), at up to {number} turns a second"
     )
     sol = _forced("Spherical")
     assert re.fullmatch(lines, str(sol)), str(sol)

@@ -54,7 +54,7 @@ STRETCH = np.array([0.6, 0.9, 1.0, 1.1, 1.7, 3.0])
         (LAWS[2], lambda x: (x**2 + 2 / x - 3) / 6, lambda x: (x - x**-2) / 3, lambda x: (1 + 2 * x**-3) / 3),
         (LAWS[3], lambda x: np.log(x) ** 2 / 2, lambda x: np.log(x) / x, lambda x: (1 - np.log(x)) / x**2),
     ],
-    ids=lambda value: getattr(value, "__name__", ""),
+    ids=[law.__name__ for law in LAWS],
 )
 def test_energy_and_stress_by_hand(law, energy, stress, stiffness):
     for order, by_hand in enumerate((energy, stress, stiffness)):

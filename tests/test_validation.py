@@ -123,6 +123,46 @@ def test_exudyn_clamped_bar():
     assert 0 < 280.322475 / exact - 1 < 1e-5
 
 
+def test_exudyn_clamped_bar_on_higher_rungs():
+    """Their 256 elements give 280.322475 rad/s; five strain shapes are nearer to the exact 280.320625."""
+    rod = jaxrod.Rod(2.0, lambda s: 0.16 + 0 * s, young=1e9, density=7850.0)
+    errors = []
+    for n in (1, 2, 5):
+        system = jaxrod.System(rod, jaxrod.Rotation(), jaxrod.Ritz(n))
+        errors.append(2 * math.pi * float(jaxrod.natural_frequencies(system)[0]) - 280.320625)
+    assert errors[0] == pytest.approx(309.0977 - 280.320625, abs=1e-3)
+    assert errors[0] > errors[1] > 0.1 and abs(errors[2]) < 1e-4 < 280.322475 - 280.320625
+    exact = jaxrod.continuum.natural_frequencies(jaxrod.System(rod, jaxrod.Rotation()), 1)[0]
+    assert 2 * math.pi * float(exact) == pytest.approx(math.pi / 4 * math.sqrt(1e9 / 7850), rel=1e-12)
+
+
+def test_sslv104_spinning_bar():
+    """SSLV104: a steel bar of 0.5 m at 3000 rad/s, 0.014625 m longer if its own lengthening adds no load.
+
+    With the lengthening kept: tan(aL)/a - L exactly, k/(1 - k) L for uniform strain, a = W sqrt(rho/E), k = (aL)^2/3.
+    The published figure is the first term of both.
+    """
+    length, young, density, spin = 0.5, 2e11, 7800.0, 3000.0
+    rod = jaxrod.Rod(length, jaxrod.Uniform(0.01), young, density)
+
+    def lengthening(basis, spin):
+        system = jaxrod.System(rod, jaxrod.Rotation(), basis)
+        return length * float(jaxrod.equilibrium(system, spin=spin).strain)
+
+    def exact(spin):
+        a = spin * math.sqrt(density / young)
+        return math.tan(a * length) / a - length
+
+    k = density * spin**2 * length**2 / (3 * young)
+    assert k * length == pytest.approx(0.014625, abs=1e-9)
+    assert lengthening(jaxrod.Ritz(8), spin) == pytest.approx(exact(spin), rel=1e-10)
+    assert lengthening(jaxrod.Ritz(1), spin) == pytest.approx(k / (1 - k) * length, rel=1e-12)
+    steady = jaxrod.continuum.steady_spin(jaxrod.System(rod, jaxrod.Rotation()), spin)
+    assert float(steady) == pytest.approx(exact(spin), rel=1e-11)
+    assert exact(spin) > 1.03 * 0.014625  # what the linear analysis misses
+    assert lengthening(jaxrod.Ritz(8), spin / 100) == pytest.approx(0.014625e-4, rel=1e-4)
+
+
 def test_modulus_fitted_through_the_uniform_strain_is_low(uniform):
     """A uniform rod's measured frequency, explained by a uniform strain, gives pi^2 / 12 of its modulus: 17.8 % low."""
     measured = jaxrod.continuum.natural_frequencies(jaxrod.System(uniform, jaxrod.Rotation()), 1)[0]
