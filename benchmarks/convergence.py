@@ -45,9 +45,7 @@ class Case(NamedTuple):
 
 
 def zeros(equation, starts, ends):
-    return np.array(
-        [scipy.optimize.brentq(equation, a, b, xtol=1e-16, rtol=1e-15) for a, b in zip(starts, ends, strict=True)]
-    )
+    return np.array([scipy.optimize.brentq(equation, a, b, xtol=1e-16) for a, b in zip(starts, ends, strict=True)])
 
 
 def cone_kappa(held, free):

@@ -24,6 +24,7 @@ from .identification import Fit as Fit
 from .identification import Positive as Positive
 from .identification import fit as fit
 from .lagrangian import Lagrangian as Lagrangian
+from .load_basis import LoadRitz as LoadRitz
 from .limits import ModelLimits as ModelLimits
 from .limits import model_limits as model_limits
 from .modal import Modes as Modes

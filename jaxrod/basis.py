@@ -31,7 +31,9 @@ class AbstractBasis(eqx.Module):
         """Whether the strain is the same everywhere, phi_1 = phi_0."""
 
     @abc.abstractmethod
-    def strains(self, rod: Rod, s: Float[Array, " points"], pivot: Float[Array, ""] | None) -> Float[Array, "n points"]:
+    def strains(
+        self, rod: Rod, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False
+    ) -> Float[Array, "n points"]:
         """phi_1' .. phi_n' at the material coordinates s (m); `pivot` (m) if there is one inside the rod."""
 
     def shapes(
@@ -43,9 +45,9 @@ class AbstractBasis(eqx.Module):
         panels = self._panels(rod, pivot)
         phi = self._rise(s, pivot)
         if self.n and not self.uniform:
-            excess = self._excess(rod, panels, pivot)
-            phi = phi.at[1:].add(panels.antiderivative(excess, s) - _until(panels, excess, pivot)[:, None])
-        return phi - _mean(rod, panels, self._at_points(rod, panels, pivot))[:, None] if free else phi
+            excess = self._excess(rod, panels, pivot, free)
+            phi = phi.at[1:].add(panels.antiderivative(excess, s) - until(panels, excess, pivot)[:, None])
+        return phi - _mean(rod, panels, self._at_points(rod, panels, pivot, free))[:, None] if free else phi
 
     def project(self, rod: Rod | Lumped, pivot: Float[Array, ""] | None = None, free: bool = False) -> Projection:
         """The rod held at `pivot` (m from the root; None: the root itself), or free."""
@@ -53,9 +55,9 @@ class AbstractBasis(eqx.Module):
             return lumped(rod, self.n)
         panels = self._panels(rod, pivot)
         s, ds = panels.s, panels.ds
-        phi = self._at_points(rod, panels, pivot)
+        phi = self._at_points(rod, panels, pivot, free)
         phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
-        strains, rigidity, mass = self.strains(rod, s, pivot), rod.modulus(s) * rod.area(s) * ds, _mass(rod, panels)
+        strains, rigidity, mass = self.strains(rod, s, pivot, free), rod.modulus(s) * rod.area(s) * ds, lumped_mass(rod, panels)
         masses = (phi * mass[None, :]) @ phi.T
         stiffness = (strains * rigidity[None, :]) @ strains.T
         if rod.tip_inertia is not None:
@@ -75,18 +77,18 @@ class AbstractBasis(eqx.Module):
         arm = s if pivot is None else s - pivot
         return jnp.stack([arm, arm, *[jnp.zeros_like(arm)] * (self.n - 1)][: self.n + 1])
 
-    def _excess(self, rod: Rod, panels: Panels, pivot) -> Float[Array, "n points"]:
+    def _excess(self, rod: Rod, panels: Panels, pivot, free) -> Float[Array, "n points"]:
         """What the strains have beyond the uniform one; only that is integrated, so that uniform is exact."""
-        return self.strains(rod, panels.s, pivot).at[0].add(-1.0)
+        return self.strains(rod, panels.s, pivot, free).at[0].add(-1.0)
 
-    def _at_points(self, rod: Rod, panels: Panels, pivot) -> Float[Array, "n+1 points+1"]:
+    def _at_points(self, rod: Rod, panels: Panels, pivot, free) -> Float[Array, "n+1 points+1"]:
         """phi_0 .. phi_n, zero at the pivot, at the points of the panels and last at the tip."""
         phi = self._rise(jnp.concatenate([panels.s, rod.length[None]]), pivot)
         if self.n == 0 or self.uniform:
             return phi
-        excess = self._excess(rod, panels, pivot)
+        excess = self._excess(rod, panels, pivot, free)
         gained = jnp.concatenate([panels.running(excess), (excess @ panels.ds)[:, None]], axis=1)
-        return phi.at[1:].add(gained - _until(panels, excess, pivot)[:, None])
+        return phi.at[1:].add(gained - until(panels, excess, pivot)[:, None])
 
 
 class Ritz(AbstractBasis):
@@ -108,13 +110,13 @@ class Ritz(AbstractBasis):
     n: int = eqx.field(static=True)
 
     def __check_init__(self):
-        _check(self)
+        check_number(self)
 
     @property
     def uniform(self):
         return self.n == 1
 
-    def strains(self, rod, s, pivot):
+    def strains(self, rod, s, pivot=None, free=False):
         ends, pieces = _pieces(rod, pivot)
         # Constants first: each piece against all before it, with zero mean.
         shapes = [jnp.ones_like(s)]
@@ -144,13 +146,13 @@ class ForceRitz(AbstractBasis):
     n: int = eqx.field(static=True)
 
     def __check_init__(self):
-        _check(self)
+        check_number(self)
 
     @property
     def uniform(self):
         return False
 
-    def strains(self, rod, s, pivot):
+    def strains(self, rod, s, pivot=None, free=False):
         panels = self._panels(rod, pivot)
         points = jnp.concatenate([panels.s, s])
         compliance = 1 / (rod.modulus(points) * rod.area(points))
@@ -183,7 +185,9 @@ class QuasiStatic(AbstractBasis):
     steps are as long as the swing allows.  A run starts with the angular momentum of the state it is given, whose strain
     it forgets.  It ends with `past_critical` where the turning exceeds the rate that any static strain can hold.
 
-    **Arguments:** `basis`, a `Ritz` or `ForceRitz` with n >= 1.  Hooke's law only.
+    The strain has no rate: `KelvinVoigt` does nothing, and `power` leaves out what forces do on the strain.
+
+    **Arguments:** `basis`, another one with n >= 1.  Hooke's law only.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=2e11, density=7800.0)
@@ -196,9 +200,9 @@ class QuasiStatic(AbstractBasis):
     basis: AbstractBasis
 
     def __check_init__(self):
-        if not isinstance(self.basis, Ritz | ForceRitz) or self.basis.n < 1:
+        if not isinstance(self.basis, AbstractBasis) or isinstance(self.basis, QuasiStatic) or self.basis.n < 1:
             raise ValueError(
-                f"QuasiStatic(basis={self.basis!r}) has no strain to condense; give Ritz(n) or ForceRitz(n)."
+                f"QuasiStatic(basis={self.basis!r}) has no strain to condense; give a basis such as Ritz(3)."
             )
 
     @property
@@ -209,8 +213,8 @@ class QuasiStatic(AbstractBasis):
     def uniform(self):
         return self.basis.uniform
 
-    def strains(self, rod, s, pivot):
-        return self.basis.strains(rod, s, pivot)
+    def strains(self, rod, s, pivot=None, free=False):
+        return self.basis.strains(rod, s, pivot, free)
 
 
 def _orthogonal(strains: Float[Array, "n points"], rigidity: Float[Array, " nodes"]) -> Float[Array, "n points"]:
@@ -242,7 +246,7 @@ def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float
     return shapes[:n]
 
 
-def _until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:
+def until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:
     """int from the root to the pivot, which ends a panel."""
     if pivot is None:
         return jnp.zeros(len(values), values.dtype)
@@ -257,7 +261,7 @@ def _pieces(rod: Rod, pivot) -> tuple[Float[Array, " pieces+1"], int]:
     return (jnp.sort(ends) if len(inner) > 1 else ends), len(inner) + 1
 
 
-def _mass(rod: Rod, panels: Panels) -> Float[Array, " points+1"]:
+def lumped_mass(rod: Rod, panels: Panels) -> Float[Array, " points+1"]:
     """rho A ds in kg, and last the mass at the tip."""
     s = panels.s
     mass = rod.mass_density(s) * rod.area(s) * panels.ds
@@ -266,11 +270,11 @@ def _mass(rod: Rod, panels: Panels) -> Float[Array, " points+1"]:
 
 
 def _mean(rod: Rod, panels: Panels, phi) -> Float[Array, " n+1"]:
-    mass = _mass(rod, panels)
+    mass = lumped_mass(rod, panels)
     return phi[:, : mass.size] @ mass / jnp.sum(mass)
 
 
-def _check(basis: AbstractBasis) -> None:
+def check_number(basis: AbstractBasis) -> None:
     if type(basis.n) is not int or basis.n < 0:
         name = type(basis).__name__
         raise ValueError(f"{name}(n={basis.n}) is not available; give a whole number of strain shapes, 0 for rigid.")

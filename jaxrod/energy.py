@@ -12,17 +12,17 @@ from .projection import Projection
 
 def kinetic_rotation(body: Projection, a, da, dpsi) -> Float[Array, ""]:
     """(4): K = 1/2 I (1 + eps)^2 psi'^2 + 1/2 I eps'^2."""
-    return body.inertia(a) * dpsi**2 / 2 + da @ body.strain_mass @ da / 2
+    return body.inertia(a) * dpsi**2 / 2 + _form(body.strain_mass, da) / 2
 
 
 def kinetic_spherical(body: Projection, a, da, psi, dpsi, dphi) -> Float[Array, ""]:
     """(8): K = 1/2 I eps'^2 + 1/2 I (1 + eps)^2 psi'^2 + 1/2 I (1 + eps)^2 phi'^2 cos^2 psi."""
-    return body.inertia(a) * (dpsi**2 + dphi**2 * jnp.cos(psi) ** 2) / 2 + da @ body.strain_mass @ da / 2
+    return body.inertia(a) * (dpsi**2 + dphi**2 * jnp.cos(psi) ** 2) / 2 + _form(body.strain_mass, da) / 2
 
 
 def kinetic_director(body: Projection, a, da, dd) -> Float[Array, ""]:
     """(4) and (8) without angles: K = 1/2 z^T M z |d'|^2 + 1/2 a'^T M_aa a', for the director's rate d' (D,)."""
-    return body.inertia(a) * (dd @ dd) / 2 + da @ body.strain_mass @ da / 2
+    return body.inertia(a) * (dd @ dd) / 2 + _form(body.strain_mass, da) / 2
 
 
 def kinetic_embedded(body: Projection, dq) -> Float[Array, ""]:
@@ -38,7 +38,7 @@ def kinetic_center(body: Projection, dcenter) -> Float[Array, ""]:
 def elastic(body: Projection, a) -> Float[Array, ""]:
     """The strain energy behind (15): 1/2 c l0^2 eps^2, in general 1/2 a^T K a; by another law int E A W(strain) ds."""
     if body.law is None:
-        return a @ body.stiffness_matrix @ a / 2
+        return _form(body.stiffness_matrix, a) / 2
     return body.rigidity @ body.law(body.field(a))
 
 
@@ -55,3 +55,8 @@ def gravity_center(body: Projection, g, center) -> Float[Array, ""]:
 def _potential(g, x) -> Float[Array, ""]:
     """Of a unit mass at x: g y for a number, downwards; -g . x for a vector of gravity (D,)."""
     return g * x[-1] if g.ndim == 0 else -g @ x
+
+
+def _form(matrix, x) -> Float[Array, ""] | float:
+    """x^T matrix x; of a rigid rod, which has no x, nothing is computed."""
+    return x @ matrix @ x if x.size else 0.0

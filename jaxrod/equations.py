@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from . import energy
 from .chart import AbstractChart
 from .force import AbstractForce
-from .lagrangian import Lagrangian, Phase, solve_positive
+from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 from .motion import AbstractMotion, Placement, State
 from .projection import Projection
 
@@ -113,15 +113,22 @@ class Condensed(AbstractEquations):
         return full.function(t, self._insert(q, amplitudes), self._insert(v, jnp.zeros_like(amplitudes)))
 
     def strain(self, t, q, v) -> Float[Array, " n"]:
-        """The amplitudes that bear the load of this motion: (K - |d'|^2 M_aa) a = dL/da + Q_a at a = 0."""
+        """The amplitudes that bear the load of this motion: (K - |d'|^2 M_aa) a = dL/da at a = 0."""
         body = self.scene.body
         rest = jnp.zeros(body.stiffness_matrix.shape[0], q.dtype)
-        load = jax.grad(self.function, argnums=3)(t, q, v, rest)
-        state = self._state(t, q, v, rest)
-        if self.scene.forces:
-            load = load + self._force(t, q, v, rest)[1]
-        spin = state.direction_rate @ state.direction_rate
-        return solve_positive(body.stiffness_matrix - spin * body.strain_mass, load)
+
+        def load(amplitudes):
+            push = jax.grad(self.function, argnums=3)(t, q, v, amplitudes)
+            return push + self._force(t, q, v, amplitudes)[1] if self.scene.forces else push
+
+        if not self.scene.forces:
+            state = self._state(t, q, v, rest)
+            spin = state.direction_rate @ state.direction_rate
+            return solve_positive(body.stiffness_matrix - spin * body.strain_mass, load(rest))
+        strain = rest
+        for _ in range(2):  # Newton's: the first step is exact unless a force depends on the strain, and not linearly
+            strain = strain + eliminate(-jax.jacfwd(load)(strain), load(strain))
+        return strain
 
     def momentum(self, t, q, v) -> Float[Array, " N"]:
         """p = dL/dv at the static strain."""

@@ -16,6 +16,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 from . import checks
 
 _BLIND = 1e-7  # a direction in which the data change this many times less than in the best one is not identified
+_EXACT = 1e-6  # standard deviations of the data, below which residuals are rounding
 
 
 class Positive(eqx.Module):
@@ -67,7 +68,7 @@ def fit(
     start: PyTree,
     *,
     solver: Any = None,
-    max_steps: int = 10_000,
+    max_steps: int | None = None,
 ) -> Fit:
     """The parameters for which `model(parameters)` is nearest to `data`: least squares weighted by 1 / sigma^2.
 
@@ -80,7 +81,7 @@ def fit(
       receives the same pytree with plain numbers.
     - `solver`: an Optimistix least-squares solver or minimiser, or an Optax optimiser such as `optax.adam(0.05)`;
       Levenberg-Marquardt if left out.  Steps are relative: of a logarithm, or of the starting value.
-    - `max_steps`: the search stops there, `converged` is then False.
+    - `max_steps`: the search stops there, `converged` is then False; 256 if left out, of an optimiser 10,000.
 
     **Returns:** a `Fit`.
 
@@ -102,6 +103,8 @@ def fit(
     residuals = _Residuals(model if isinstance(model, eqx.Module) else jax.tree_util.Partial(model), data, sigma, space)
     origin = jnp.zeros(len(space.names), dtype=data.dtype)
     method, name = _method(solver)
+    if max_steps is None:
+        max_steps = 10_000 if isinstance(method, optx.AbstractMinimiser) else 256
     theta, rest, jacobian, converged, steps = _search(residuals, origin, method, max_steps)
     spread, unidentified = _identified(np.asarray(jacobian), space.names)
     parameters = space.parameters(theta)
@@ -130,7 +133,9 @@ def _search(residuals, origin, method, max_steps):
     mode = _derivative_mode(residuals, origin)
     found = optx.least_squares(residuals, method, origin, options={"jac": mode}, max_steps=max_steps, throw=False)
     jacobian = (jax.jacfwd if mode == "fwd" else jax.jacrev)(residuals)(found.value, None)
-    converged = found.result == optx.RESULTS.successful
+    # An exact fit leaves rounding alone, in which no step is accepted as better: that is an end, too.
+    exact = jnp.max(jnp.abs(residuals(found.value, None))) < _EXACT
+    converged = (found.result == optx.RESULTS.successful) | exact
     return found.value, residuals(found.value, None), jacobian, converged, found.stats["num_steps"]
 
 

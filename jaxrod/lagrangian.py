@@ -77,7 +77,7 @@ def solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Fl
     """
     size = right.shape[0]
     if size > _UNROLLED:
-        return _eliminate(matrix, right)
+        return eliminate(matrix, right)
     lower = [[right[0]] * size for _ in range(size)]
     for i in range(size):
         for j in range(i + 1):
@@ -91,8 +91,8 @@ def solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Fl
     return jnp.stack(x)
 
 
-def _eliminate(matrix, right):
-    """Gauss and Jordan: after step k column k is that of the identity.  Positive definite needs no pivoting."""
+def eliminate(matrix, right):
+    """x with matrix @ x = right by Gauss and Jordan, without pivoting: after step k column k is that of the identity."""
     table = jnp.concatenate([matrix, right[:, None]], axis=1)
     for k in range(right.shape[0]):
         row = table[k] / table[k, k]

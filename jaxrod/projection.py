@@ -35,20 +35,29 @@ class Projection(eqx.Module):
 
     def inertia(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
         """Moment of inertia of the stretched rod, z^T M z, in kg m^2."""
+        if amplitudes.shape[-1] == 0:  # rigid: nothing to compute
+            return jnp.broadcast_to(self.mass_matrix[0, 0], amplitudes.shape[:-1])
         z = _with_one(amplitudes)
         return jnp.einsum("...k,kl,...l->...", z, self.mass_matrix, z)
 
     def moment(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
         """First moment of the stretched rod, p^T z, in kg m."""
-        return _with_one(amplitudes) @ self.first_moments
+        return self._along(amplitudes, self.first_moments)
 
     def reach(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch"]:
         """Where the tip is along the director, x(length), in m."""
-        return _with_one(amplitudes) @ self.tip
+        return self._along(amplitudes, self.tip)
 
     def solve_strain(self, right: Float[Array, " n"]) -> Float[Array, " n"]:
         """M_aa^-1 right."""
+        if right.size == 0:
+            return right
         return right / self.mass_matrix[1:, 1] if self.root is None else self.root @ (self.root.T @ right)
+
+    def _along(self, amplitudes, values):
+        if amplitudes.shape[-1] == 0:
+            return jnp.broadcast_to(values[0], amplitudes.shape[:-1])
+        return _with_one(amplitudes) @ values
 
     def field(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch points"]:
         """Strain along the rod."""

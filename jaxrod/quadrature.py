@@ -31,13 +31,22 @@ class Panels(eqx.Module):
 
     def running(self, values: Float[Array, "k points"]) -> Float[Array, "k points"]:
         """int from ends[0] to each point of the functions with these values at the points."""
+        return self._running(values, upwards=True)
+
+    def remaining(self, values: Float[Array, "k points"]) -> Float[Array, "k points"]:
+        """int from each point to ends[-1]: not the difference of two, which would be rounding at a thin tip."""
+        return self._running(values, upwards=False)
+
+    def _running(self, values, upwards: bool):
         x, w = np.polynomial.legendre.leggauss(self.order)
         within = _integrals(x) @ _series(self.order)
+        within = within if upwards else w[None, :] - within
         panels = values.reshape(len(values), -1, self.order)
         half = self._half()[None, :, None]
         whole = half * (panels @ jnp.asarray(w[:, None], values.dtype))
-        before = jnp.cumsum(whole, axis=1) - whole
-        return (before + half * (panels @ jnp.asarray(within.T, values.dtype))).reshape(values.shape)
+        others = jnp.cumsum(whole, axis=1) if upwards else jnp.cumsum(whole[:, ::-1], axis=1)[:, ::-1]
+        inside = half * (panels @ jnp.asarray(within.T, values.dtype))
+        return (others - whole + inside).reshape(values.shape)
 
     def antiderivative(self, values: Float[Array, "k points"], at: Float[Array, " m"]) -> Float[Array, "k m"]:
         """The same integrals up to any coordinates `at`."""

@@ -27,7 +27,7 @@ class System(eqx.Module):
     - `rod`: a `Rod`, or a `Lumped` body.
     - `motion`: `Rotation()`, `Spherical()`, `Flight()` or `Driven(angle)`.
     - `basis`: `Ritz(n)` or `ForceRitz(n)`; `Ritz(0)` is rigid, `Ritz(1)`, the default, the paper's uniform strain;
-      `QuasiStatic` of either has the strain follow without inertia.
+      `LoadRitz(n)` needs the fewest shapes; `QuasiStatic` of any has the strain follow without inertia.
     - `gravity`: g in m/s^2, downwards; or the acceleration as a vector (D,); or None.
     - `forces`: forces without a potential: `Torque`, `TipForce`, `PivotFriction`, `KelvinVoigt`, `ShakenBase` or your own.
 
@@ -275,7 +275,7 @@ class System(eqx.Module):
         """Strain at the material points s (m)."""
         if isinstance(self.rod, Lumped):
             return jnp.broadcast_to(state.strain, jnp.shape(s))
-        return state.amplitudes @ self.basis.strains(self.rod, jnp.asarray(s), self._pivot)
+        return state.amplitudes @ self.basis.strains(self.rod, jnp.asarray(s), self._pivot, self._free)
 
     # ---- equations of motion
 

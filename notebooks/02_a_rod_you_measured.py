@@ -20,6 +20,7 @@
 # %%
 # %matplotlib inline
 import dataclasses
+import pathlib
 
 import jax
 import jax.numpy as jnp
@@ -37,7 +38,9 @@ said = jaxrod.configure()
 # A `Table` runs a smooth curve through what was measured and adds no waves of its own.
 
 # %%
-station, radius = 1e-3 * np.loadtxt("measured_radii.csv", delimiter=",", skiprows=1).T  # mm to m
+name = pathlib.Path("measured_radii.csv")  # station, radius in mm
+table = np.loadtxt(name if name.exists() else "notebooks" / name, delimiter=",", skiprows=1)
+station, radius = 1e-3 * table.T
 rod = jaxrod.Rod(length=station[-1], section=jaxrod.Table(station, radius), young=2e6, density=1150.0)
 print(f"{station.size} stations, {1e3 * radius.min():.2f} to {1e3 * radius.max():.2f} mm")
 print(f"mass {1e3 * rod.mass:.1f} g, centre of mass {1e3 * rod.center_of_mass:.1f} mm from the root")
@@ -73,7 +76,8 @@ print(model_limits(hung))
 # it, `ForceRitz(3)` the details too: the force is smooth, and the strain is force over rigidity.
 #
 # Last, the change of the first exact frequency with each measured radius, a gradient through the table. Thicker at the
-# root is stiffer, thicker at the tip heavier: measure the ends with care, the middle hardly matters.
+# root is stiffer, thicker at the tip heavier: measure the outer parts with care, the middle hardly matters. (The first
+# and the last radius speak for half as much rod as the others.)
 
 
 # %%
@@ -109,14 +113,14 @@ for axis in (shape, strain, change):
 # All radii larger by the same part change nothing: length and material alone would tell. And what a caliper costs:
 
 # %%
-print(f"all radii 1 % larger: {0.01 * 1e3 * (slope @ radius):+.1e} Hz")
+print(f"all radii 1 % larger: f1 changes by less than {max(1e-12, abs(0.01 * 1e3 * (slope @ radius))):.0e} Hz")
 print(f"each radius uncertain by 0.05 mm: f1 by {0.05 * np.linalg.norm(slope):.3f} Hz of {exact[0]:.2f} Hz")
 
 # %% [markdown]
 # ## A swing
 #
-# Let go from the horizontal, unstretched. The slow band of the elongation is weight and swing, the fast one the rod
-# ringing; nothing damps it here.
+# Let go from the horizontal, unstretched. The elongation follows weight and turning; the small ripple on it is the rod
+# ringing, which nothing damps here.
 
 # %%
 ts = jnp.linspace(0.0, 3.0, 1501)
@@ -136,13 +140,14 @@ for axis in (angle, tip):
 # %% [markdown]
 # ## The modulus from one frequency
 #
-# Say the rod rings at 12.1 Hz, give or take 0.1. Its shape is known, so one number tells the modulus (over the density).
+# Say the rod rings at 12.0, 12.2 and 12.15 Hz in three trials, each give or take 0.1. Its shape is known, so the one
+# frequency tells the modulus (over the density).
 
 
 # %%
 def ring(p):
     scene = jaxrod.System(dataclasses.replace(rod, young=p["young"]), jaxrod.Rotation())
-    return jaxrod.continuum.natural_frequencies(scene, 1)
+    return jnp.tile(jaxrod.continuum.natural_frequencies(scene, 1), 3)
 
 
-print(jaxrod.fit(ring, data=[12.1], sigma=0.1, start={"young": jaxrod.Positive(2e6)}))
+print(jaxrod.fit(ring, data=[12.0, 12.2, 12.15], sigma=0.1, start={"young": jaxrod.Positive(2e6)}))

@@ -7,6 +7,8 @@ import nbclient
 
 for source in sorted(pathlib.Path(__file__).parent.glob("[0-9]*.py")):
     notebook = jupytext.read(source)
-    nbclient.NotebookClient(notebook, timeout=600, kernel_name="python3").execute()
+    nbclient.NotebookClient(
+        notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(source.parent)}}
+    ).execute()
     jupytext.write(notebook, source.with_suffix(".ipynb"))
     print(f"wrote {source.with_suffix('.ipynb').name}")

@@ -33,6 +33,7 @@ NAMES = [
     "ForceRitz",
     "KelvinVoigt",
     "Lagrangian",
+    "LoadRitz",
     "Local",
     "Lumped",
     "ModelLimits",
