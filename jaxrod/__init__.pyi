@@ -24,9 +24,9 @@ from .identification import Fit as Fit
 from .identification import Positive as Positive
 from .identification import fit as fit
 from .lagrangian import Lagrangian as Lagrangian
-from .load_basis import LoadRitz as LoadRitz
 from .limits import ModelLimits as ModelLimits
 from .limits import model_limits as model_limits
+from .load_basis import LoadRitz as LoadRitz
 from .modal import Modes as Modes
 from .modal import critical_rate as critical_rate
 from .modal import frequency_error as frequency_error

@@ -57,7 +57,11 @@ class AbstractBasis(eqx.Module):
         s, ds = panels.s, panels.ds
         phi = self._at_points(rod, panels, pivot, free)
         phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
-        strains, rigidity, mass = self.strains(rod, s, pivot, free), rod.modulus(s) * rod.area(s) * ds, lumped_mass(rod, panels)
+        strains, rigidity, mass = (
+            self.strains(rod, s, pivot, free),
+            rod.modulus(s) * rod.area(s) * ds,
+            lumped_mass(rod, panels),
+        )
         masses = (phi * mass[None, :]) @ phi.T
         stiffness = (strains * rigidity[None, :]) @ strains.T
         if rod.tip_inertia is not None:
@@ -240,10 +244,10 @@ def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float
         start, end = ends[k], ends[k + 1]
         inside = (s >= start) & ((s < end) if k + 1 < pieces else (s <= end)) & (end > start)
         by_piece.append(jnp.where(inside[None, :], polynomials(local(s, start, end), count), 0.0) if count else None)
-    shapes = jnp.stack(shapes)
+    found = jnp.stack(shapes)
     if count:
-        shapes = jnp.concatenate([shapes, jnp.stack(by_piece, axis=1).reshape(-1, s.size)])
-    return shapes[:n]
+        found = jnp.concatenate([found, jnp.stack(by_piece, axis=1).reshape(-1, s.size)])
+    return found[:n]
 
 
 def until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from . import energy
 from .lagrangian import Phase
-from .motion import AbstractMotion, Flight, Placement, State, heading
+from .motion import AbstractMotion, Driven, Flight, Placement, State, heading
 from .projection import Projection
 
 
@@ -192,21 +192,21 @@ class Strains(AbstractChart):
     def size(self, motion):
         return 0
 
-    def place(self, motion, t, q):
+    def place(self, motion: Driven, t, q):
         angle, _, _ = motion.turning(t)
         return Placement(jnp.stack([jnp.cos(angle), jnp.sin(angle)]), q, None)
 
     def encode(self, motion, state):
         return Phase(state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion, body, t, q, v):
+    def kinetic(self, motion: Driven, body, t, q, v):
         _, rate, _ = motion.turning(t)
         return energy.kinetic_rotation(body, q, v, rate)
 
     def solve(self, motion, body, q, right):
         return body.solve_strain(right)
 
-    def turns(self, motion, t, q, counted):
+    def turns(self, motion: Driven, t, q, counted):
         del counted
         return jnp.round((motion.turning(t)[0] - heading(self.place(motion, t, q).direction)) / (2 * jnp.pi))
 

@@ -4,6 +4,8 @@
 Equation numbers are those of Vikhrenko, Lasovsky, Tishevich (2013).
 """
 
+from typing import Any
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -57,6 +59,6 @@ def _potential(g, x) -> Float[Array, ""]:
     return g * x[-1] if g.ndim == 0 else -g @ x
 
 
-def _form(matrix, x) -> Float[Array, ""] | float:
+def _form(matrix, x) -> Any:
     """x^T matrix x; of a rigid rod, which has no x, nothing is computed."""
     return x @ matrix @ x if x.size else 0.0

@@ -9,7 +9,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from . import checks, continuum, spectrum, statics
-from .motion import Driven, State
+from .chart import Local
+from .motion import State
 from .rod import Rod
 from .system import System
 
@@ -166,6 +167,6 @@ def _modes(system, about):
     upper = jnp.lexsort((-w.real, -w.imag))[:n][::-1]  # one of each pair: the upper, of real ones the faster growing
     w, v = w[upper], v[:n, upper]
     v = v / jnp.take_along_axis(v, jnp.argmax(jnp.abs(v), axis=0)[None, :], axis=0)
-    slopes = 0 if isinstance(system.motion, Driven) else system.motion.dimension - 1
-    across = jnp.zeros((about.direction.size, 0)) if slopes == 0 else chart.tangents()
+    across = chart.tangents() if isinstance(chart, Local) else jnp.zeros((about.direction.size, 0))
+    slopes = across.shape[1]
     return rate * w.imag / (2 * jnp.pi), rate * w.real, (across @ v[:slopes]).T, v[slopes:].T, unbalanced

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from .limits import model_limits
 from .basis import Ritz
+from .limits import model_limits
 from .motion import Rotation
 from .rod import Lumped, Rod
 from .section import Cone

@@ -21,7 +21,7 @@ class Projection(eqx.Module):
     mass_matrix: Float[Array, "n+1 n+1"]
     stiffness_matrix: Float[Array, "n n"]
     first_moments: Float[Array, " n+1"]
-    mass: Float[Array, ""] | None
+    mass: Any  # Float[Array, ""]; a Lumped body has none
     tip: Float[Array, " n+1"]
     strains: Float[Array, "n points"]
     rigidity: Float[Array, " points"]

@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks, law
+from . import checks
+from .law import hooke
 from .quadrature import Panels
 from .section import AbstractSection, Profile, profile
 
@@ -52,7 +53,7 @@ class Rod(eqx.Module):
     tip_inertia: Float[Array, ""] | None
     law: Any
 
-    def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=law.hooke):
+    def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=hooke):
         self.length = checks.positive("length", length, "metres")
         self.young = profile("young", young, "pascals (rubber about 1e7, steel 2e11)")
         self.density = profile("density", density, "kg/m^3")
@@ -109,7 +110,7 @@ class Rod(eqx.Module):
     @property
     def linear(self) -> bool:
         """Whether the strain law is Hooke's."""
-        return getattr(self.law, "func", None) is law.hooke
+        return getattr(self.law, "func", None) is hooke
 
     @property
     def breaks(self) -> tuple[float, ...]:

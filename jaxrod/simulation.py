@@ -115,8 +115,7 @@ def simulate(
         )
     if isinstance(start, State):
         chart = default_chart(system) if chart is None else chart
-        system.check_chart(chart)
-        _check_start(system, start)
+        _check_start(system, start, chart)
     else:
         start = Phase(*(jnp.asarray(x, dtype) for x in start))
 
@@ -196,7 +195,8 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps) -> None:
         raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
 
 
-def _check_start(system: Any, start: State) -> None:
+def _check_start(system: Any, start: State, chart: AbstractChart) -> None:
+    system.check_chart(chart)
     dimension, n, flight = system.motion.dimension, system.basis.n, isinstance(system.motion, Flight)
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(

@@ -141,7 +141,7 @@ class System(eqx.Module):
         **Raises:** `ValueError` for non-finite numbers, a strain of -1 or less anywhere, strain of a rigid rod, and
         arguments that this motion does not have.
         """
-        space, flight, driven = self.motion.dimension == 3, self._free, isinstance(self.motion, Driven)
+        space, flight = self.motion.dimension == 3, self._free
         for name, value, needed in (
             ("azimuth", azimuth, "Spherical()" if not space else ""),
             ("azimuth_rate", azimuth_rate, "Spherical()" if not space else ""),
@@ -151,7 +151,7 @@ class System(eqx.Module):
             if value is not None and needed:
                 kind = type(self.motion).__name__
                 raise ValueError(f"{name}={value!r} has no meaning for {kind}(); leave it out or take motion={needed}.")
-        if driven:
+        if isinstance(self.motion, Driven):
             if any(checks.fails(lambda x: x == 0, checks.number("angle, rate", x)) for x in (angle, rate)):
                 raise ValueError(f"angle={angle!r}, rate={rate!r}: Driven() prescribes the rotation; leave them out.")
             angle, rate, _ = self.motion.turning(0.0)

@@ -91,7 +91,9 @@ def test_not_a_number(name, value):
     _refused(lambda: make(value), pattern.format(re.escape(repr(value))))
 
 
-@pytest.mark.parametrize("name", ["gravity", "Rotation.pivot", "Spherical.pivot", "azimuth", "azimuth_rate", "t1", "tolerance"])
+@pytest.mark.parametrize(
+    "name", ["gravity", "Rotation.pivot", "Spherical.pivot", "azimuth", "azimuth_rate", "t1", "tolerance"]
+)
 def test_not_a_number_where_none_has_a_meaning(name):
     make, pattern = NUMBERS[name]
     _refused(lambda: make("thick"), pattern.format("'thick'"))

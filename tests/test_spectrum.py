@@ -111,9 +111,7 @@ def test_modes_differentiate(cone):
     @jax.jit
     def numbers(young):
         rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), young, 1200.0)
-        system = jaxrod.System(
-            rod, jaxrod.Spherical(), jaxrod.Ritz(2), gravity=9.81, forces=[jaxrod.KelvinVoigt(1e-4)]
-        )
+        system = jaxrod.System(rod, jaxrod.Spherical(), jaxrod.Ritz(2), gravity=9.81, forces=[jaxrod.KelvinVoigt(1e-4)])
         modes = jaxrod.modes(system, jaxrod.equilibrium(system, spin=12.0))
         # but for the first, neutral one: round the vertical all places are alike
         shapes = jnp.abs(jnp.concatenate([modes.direction[1:].ravel(), modes.amplitudes[1:].ravel()]))
