@@ -428,3 +428,14 @@ def test_closed_forms_invert_the_mass_matrix(n):
     for (_, motion, chart), product in zip(scenes, products(), strict=True):
         name = f"{type(chart).__name__} of {type(motion).__name__}"
         np.testing.assert_allclose(product, np.eye(len(product)), rtol=0, atol=1e-12, err_msg=name)
+
+
+def test_static_strain_under_a_force_that_depends_on_it(uniform):
+    """A spring at the tip, F = -5000 strain: (C + 5000 - I w^2) a = I w^2 - S g sin psi, and its equilibrium hanging."""
+    spring = jaxrod.TipForce(lambda t, state: -5000.0 * state.strain)
+    basis = jaxrod.QuasiStatic(jaxrod.Ritz(1))
+    system = jaxrod.System(uniform, jaxrod.Rotation(), basis, gravity=9.81, forces=[spring])
+    strain = system.equations(jaxrod.Angles()).strain(0.1, jnp.array([0.4]), jnp.array([20.0]))[0]
+    inertia, moment, stiffness = uniform.moment_of_inertia(), uniform.first_moment(), uniform.stiffness
+    load = inertia * 400 - moment * 9.81 * jnp.sin(0.4)
+    assert float(strain) == pytest.approx(float(load / (stiffness + 5000 - inertia * 400)), rel=1e-12)

@@ -118,7 +118,7 @@ def test_force_polynomials(case):
         check(frequencies[0], hertz(kappa), 2e-12)  # the figures have 12 digits
 
 
-@pytest.mark.parametrize("basis", [jaxrod.Ritz, jaxrod.ForceRitz])
+@pytest.mark.parametrize("basis", [jaxrod.Ritz, jaxrod.ForceRitz, jaxrod.LoadRitz])
 @cases("galerkin_frequencies")
 def test_forty_shapes_are_well_conditioned(case, basis):
     system = jaxrod.System(rod_of(case["inputs"]), jaxrod.Rotation(), basis(40))
@@ -161,6 +161,33 @@ def test_extreme_taper(case):
     check(jaxrod.natural_frequencies(one), hertz(o["kappa_uniform_strain_energy"]), 1e-12)
     one = dataclasses.replace(held, basis=jaxrod.ForceRitz(1))
     check(jaxrod.natural_frequencies(one), hertz(o["kappa_constant_force_shape"]), 1e-12)
+
+
+SCENES = {  # rod and motion
+    "uniform": (jaxrod.Uniform(0.025), jaxrod.Rotation(), None),
+    "1 : 1000": (jaxrod.Cone(0.02, 2e-5), jaxrod.Rotation(), None),
+    "1000 : 1": (jaxrod.Cone(2e-5, 0.02), jaxrod.Rotation(), None),
+    "4 : 1 step": (jaxrod.Steps([0.5], [4e-3, 1e-3]), jaxrod.Rotation(), None),
+    "pivot at 0.3": (jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(0.3), None),
+    "tip mass": (jaxrod.Uniform(0.025), jaxrod.Rotation(), 2.0),
+    "flight": (jaxrod.Uniform(0.025), jaxrod.Flight(), 0.5),
+    "table": (jaxrod.Table([0, 0.3, 0.6, 1], [0.02, 0.03, 0.022, 0.025]), jaxrod.Rotation(), None),
+}
+
+
+@pytest.mark.parametrize("section, motion, tip_mass", SCENES.values(), ids=SCENES)
+def test_eight_load_dependent_shapes_are_enough(section, motion, tip_mass):
+    """Three frequencies to 1e-6, from above; a_1 is elongation over length; eight contain the first seven."""
+    rod = jaxrod.Rod(1.0, section, 1e7, 1200.0, tip_mass=tip_mass)
+    eight, seven = (jaxrod.System(rod, motion, jaxrod.LoadRitz(n)) for n in (8, 7))
+    error = np.asarray(jaxrod.natural_frequencies(eight)[:3] / jaxrod.continuum.natural_frequencies(eight, 3) - 1)
+    assert np.all(error < 1e-6) and np.all(error > -1e-12)
+    body, ends = eight.body, jnp.array([0.0, 1.0])
+    shapes = eight.basis.shapes(rod, ends, getattr(motion, "pivot", None), isinstance(motion, jaxrod.Flight))
+    np.testing.assert_allclose(shapes[:, 1] - shapes[:, 0], [1.0, 1.0, *[0.0] * 7], atol=1e-12)
+    np.testing.assert_allclose(body.tip, shapes[:, 1], atol=1e-13)
+    largest = np.abs(np.diagonal(body.mass_matrix)).max()
+    np.testing.assert_allclose(body.mass_matrix[:8, :8], seven.body.mass_matrix, atol=1e-9 * largest)
 
 
 # ---- equilibria and small oscillations
