@@ -66,7 +66,7 @@ class LoadRitz(AbstractBasis):
         def add(carry, k):
             found, chains = carry
             strain = stretched(chains[0])
-            strain = strain / jnp.max(jnp.abs(strain), initial=1e-300)
+            strain = strain / jnp.max(jnp.abs(strain), initial=jnp.finfo(strain.dtype).tiny)
             for _ in range(2):  # once more for what rounding left
                 strain = strain - (found[:, :nodes] @ (rigidity * strain[:nodes])) @ found
             square = rigidity @ strain[:nodes] ** 2

@@ -15,9 +15,6 @@ from .rod import Rod
 from .system import System
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning
-_NEUTRAL = 1e-7  # eigenvalues so far below the largest are rounding: zero is double where the rod turns freely
-_NO_GROWTH = 1e-11  # the same for their real parts
-_BALANCED = 1e-6
 
 
 def natural_frequencies(system: System) -> Float[Array, " n"]:
@@ -138,7 +135,7 @@ def modes(system: System, about: State | None = None) -> Modes:
     """
     about = statics.equilibrium(system) if about is None else about
     frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
-    if checks.fails(lambda x: x < _BALANCED, unbalanced):
+    if checks.fails(lambda x: x < 100 * statics.unbalanced_at_most(x.dtype), unbalanced):
         raise ValueError(
             f"about= is no equilibrium, accelerations are {float(unbalanced):.1e} of the natural ones; take one from "
             "jaxrod.equilibrium(system, ...)."
@@ -162,8 +159,10 @@ def _modes(system, about):
     n = q.size
     matrix = jnp.block([[jnp.zeros((n, n), q.dtype), jnp.eye(n, dtype=q.dtype)], [by_q / rate**2, by_v / rate]])
     w, v = spectrum.eig(matrix)
-    w = jnp.where(jnp.abs(w) <= _NEUTRAL * jnp.max(jnp.abs(w)), 0.0, w)
-    w = jnp.where(jnp.abs(w.real) <= _NO_GROWTH * jnp.max(jnp.abs(w)), 1j * w.imag, w)
+    # What is rounding: of a double zero, where the rod turns freely, its root; of growth a little of the largest.
+    eps, largest = float(jnp.finfo(matrix.dtype).eps), jnp.max(jnp.abs(w))
+    w = jnp.where(jnp.abs(w) <= 7 * eps**0.5 * largest, 0.0, w)
+    w = jnp.where(jnp.abs(w.real) <= max(1e-11, 100 * eps) * largest, 1j * w.imag, w)
     upper = jnp.lexsort((-w.real, -w.imag))[:n][::-1]  # one of each pair: the upper, of real ones the faster growing
     w, v = w[upper], v[:n, upper]
     v = v / jnp.take_along_axis(v, jnp.argmax(jnp.abs(v), axis=0)[None, :], axis=0)

@@ -14,7 +14,10 @@ from .chart import AbstractChart, Local, Strains
 from .motion import Driven, Flight, State
 from .system import System
 
-BALANCED = 1e-8  # accelerations over the natural ones below which a state counts as an equilibrium
+
+def unbalanced_at_most(dtype) -> float:
+    """Accelerations over the natural ones below which a state counts as an equilibrium: the root of rounding."""
+    return float(jnp.finfo(dtype).eps) ** 0.5
 
 
 def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum: Any = None) -> State:
@@ -46,16 +49,18 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
         raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
     given = {"angle": angle, "spin": spin, "momentum": momentum}
     given = {name: checks.number(name, value) for name, value in given.items() if value is not None}
-    state, error = _search(system, given.get("angle"), given.get("spin"), given.get("momentum"))
-    field = state.amplitudes if system.basis.uniform else system.body.field(state.amplitudes)
-    sound = (error < BALANCED) & (jnp.min(field, initial=0.0) > -1)
+    # Searched in JAX's default type, in which Optimistix keeps its own numbers.
+    dtype, wide = checks.float_type(system, given), jnp.result_type(float)
+    scene, given = jax.tree.map(lambda x: x.astype(wide) if eqx.is_inexact_array(x) else x, (system, given))
+    state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
+    sound = (error < unbalanced_at_most(error.dtype)) & (lowest > -1)
     if checks.fails(lambda sound: sound, sound):
         what = ", ".join(f"{name}={checks.shown(value)}" for name, value in given.items())
         raise ValueError(
             f"no equilibrium of {type(system.motion).__name__}() was found{' with ' * bool(what)}{what}: a steady turning "
             "in the plane bears no gravity, and a spin no rate beyond critical_rate(system); start from another angle=."
         )
-    return jax.tree.map(lambda x: jnp.where(sound, x, jnp.nan), state)
+    return jax.tree.map(lambda x: jnp.where(sound, x, jnp.nan).astype(dtype), state)
 
 
 @eqx.filter_jit
@@ -90,7 +95,9 @@ def _search(system, angle, spin, momentum):
     x = x - jnp.linalg.pinv(slope, rtol=1e-12) @ residual(x, system)
     error = jnp.max(jnp.abs(residual(x, system)), initial=0.0)
     spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
-    return _state(system, base, spin, q), error
+    state = _state(system, base, spin, q)
+    field = state.amplitudes if system.basis.uniform else system.body.field(state.amplitudes)
+    return state, error, jnp.min(field, initial=0.0)
 
 
 def accelerations(system: System, chart: AbstractChart, q, v) -> Float[Array, " N"]:
@@ -137,7 +144,12 @@ def _guess(system: System, angle, spin) -> Float[Array, " D"]:
     if spin is None or dimension == 2 or system.gravity.ndim == 1:
         return down
     # The cone of a rigid rod, sin(angle) = -gamma / spin^2, where the spin is fast enough to raise it.
-    sine = -system.gravity * body.first_moments[0] / body.mass_matrix[0, 0] / jnp.maximum(spin**2, 1e-300)
+    sine = (
+        -system.gravity
+        * body.first_moments[0]
+        / body.mass_matrix[0, 0]
+        / jnp.maximum(spin**2, jnp.finfo(body.mass_matrix.dtype).tiny)
+    )
     raised = jnp.abs(sine) < 1
     sine = jnp.where(raised, sine, 0.0)
     cone = jnp.zeros(3).at[0].set(jnp.sqrt(1 - sine**2)).at[2].set(sine)

@@ -134,7 +134,10 @@ def test_gradient_descent_by_hand():
 def test_an_exact_fit_ends():
     """As many data as parameters: residuals of rounding alone, from which no step leads down; found by 9.0 of all data."""
     found = jaxrod.fit(
-        lambda p: jnp.sqrt(p["young"] / 1150.0)[None] / 3.6, data=[9.0], sigma=0.1, start={"young": jaxrod.Positive(2e6)}
+        lambda p: jnp.sqrt(p["young"] / 1150.0)[None] / 3.6,
+        data=[9.0],
+        sigma=0.1,
+        start={"young": jaxrod.Positive(2e6)},
     )
     assert found.converged and found.steps <= 256
     assert float(found.parameters["young"]) == pytest.approx(1150 * (9.0 * 3.6) ** 2, rel=1e-12)
