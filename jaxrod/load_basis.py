@@ -25,7 +25,7 @@ class LoadRitz(AbstractBasis):
     ...     error = jaxrod.frequency_error(jaxrod.System(rod, jaxrod.Rotation(), basis))[0]
     ...     print(f"{error:.5f} %")
     0.00744 %
-    0.45234 %
+    0.45235 %
     0.00000 %
     """
 

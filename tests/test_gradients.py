@@ -96,7 +96,11 @@ def _rows(kind, point):
     return slice(1, None) if (kind, point) == ("Spherical", "hanging at rest") else slice(None)
 
 
-@pytest.mark.parametrize(("kind", "point"), POINTS, ids=lambda x: x)
+def _slow_in_space_and_flight(kind, point):
+    return pytest.param(kind, point, marks=() if kind == "Rotation" else pytest.mark.slow)
+
+
+@pytest.mark.parametrize(("kind", "point"), [_slow_in_space_and_flight(*x) for x in POINTS], ids=lambda x: x)
 def test_end_states(kind, point):
     reverse, forward, differences = _derivatives(kind, point)
     assert np.isfinite(reverse).all() and np.isfinite(forward).all()

@@ -66,6 +66,7 @@ def test_says_what_cannot_be_told_apart(start, said):
     assert float(ratio) == pytest.approx(right, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_through_a_motion_reverse_mode():
     """The default adjoint of `simulate` is reverse-mode; `fit` notices."""
 

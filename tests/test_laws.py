@@ -92,7 +92,7 @@ def spun(rod, rate, driven):
     return state.strain, jnp.max(jaxrod.modes(system, state).frequency)
 
 
-@pytest.mark.parametrize("driven", [True, False], ids=["prescribed", "free"])
+@pytest.mark.parametrize("driven", [True, pytest.param(False, marks=pytest.mark.slow)], ids=["prescribed", "free"])
 def test_vibrations_about_a_steady_spin(driven, cone):
     """Strain and frequency, to 1e-8, of the four laws at three rates."""
     k = float(cone.stiffness / cone.moment_of_inertia())

@@ -105,6 +105,7 @@ def test_general_matrices():
     assert np.all(np.isfinite(jax.jacfwd(lambda t: spectrum.eig(jnp.eye(3) * (1 + t))[0].real)(0.0)))
 
 
+@pytest.mark.slow
 def test_modes_differentiate(cone):
     """Frequencies, growth and shapes of a spinning, viscous rod in space, by the modulus: with derivatives of its equilibrium."""
 
