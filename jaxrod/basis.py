@@ -42,6 +42,7 @@ class AbstractBasis(eqx.Module):
         """phi_0 .. phi_n in m at the material coordinates s (m), zero at `pivot` (None: the root), or those of flight."""
         if isinstance(rod, Lumped):
             return jnp.stack([s] * (self.n + 1))
+        pivot = _snapped(rod, pivot)
         panels = self._panels(rod, pivot)
         phi = self._rise(s, pivot)
         if self.n and not self.uniform:
@@ -53,6 +54,7 @@ class AbstractBasis(eqx.Module):
         """The rod held at `pivot` (m from the root; None: the root itself), or free."""
         if isinstance(rod, Lumped):
             return lumped(rod, self.n)
+        pivot = _snapped(rod, pivot)
         panels = self._panels(rod, pivot)
         s, ds = panels.s, panels.ds
         phi = self._at_points(rod, panels, pivot, free)
@@ -157,6 +159,8 @@ class ForceRitz(AbstractBasis):
         return False
 
     def strains(self, rod, s, pivot=None, free=False):
+        if self.n == 0:
+            return jnp.zeros((0, *s.shape), s.dtype)
         panels = self._panels(rod, pivot)
         points = jnp.concatenate([panels.s, s])
         compliance = 1 / (rod.modulus(points) * rod.area(points))
@@ -179,7 +183,7 @@ class ForceRitz(AbstractBasis):
         nodes = panels.s.size
         shapes = _orthogonal(forces * compliance[None, :], panels.ds / compliance[:nodes])
         mean = shapes[:1, :nodes] @ panels.ds / rod.length
-        return (shapes / mean[:, None])[:, nodes:] if self.n else shapes[:, nodes:]
+        return (shapes / mean[:, None])[:, nodes:]
 
 
 class QuasiStatic(AbstractBasis):
@@ -248,6 +252,14 @@ def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float
     if count:
         found = jnp.concatenate([found, jnp.stack(by_piece, axis=1).reshape(-1, s.size)])
     return found[:n]
+
+
+def _snapped(rod: Rod, pivot):
+    """The pivot, on a break or end if it is that by all but rounding: a piece of 1e-9 of the rod would be a spring of 1e9."""
+    for end in () if pivot is None else (0.0, *rod.breaks, rod.length):
+        near = jnp.abs(pivot - end) < 1e-9 * rod.length
+        pivot = pivot + jax.lax.stop_gradient(jnp.where(near, end - pivot, 0.0))
+    return pivot
 
 
 def until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:

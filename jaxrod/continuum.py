@@ -112,7 +112,7 @@ def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
 def _linear_support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
     rod, pivot, free = support(system)
     if not rod.linear:
-        raise ValueError(f"law={rod.law!r}: the exact steady spin is of Hooke's law; leave out law=.")
+        raise ValueError(f"law={rod.law_name}: the exact steady spin is of Hooke's law; leave out law=.")
     return rod, pivot, free
 
 

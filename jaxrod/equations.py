@@ -125,10 +125,12 @@ class Condensed(AbstractEquations):
             state = self._state(t, q, v, rest)
             spin = state.direction_rate @ state.direction_rate
             return solve_positive(body.stiffness_matrix - spin * body.strain_mass, load(rest))
-        strain = rest
-        for _ in range(2):  # Newton's: the first step is exact unless a force depends on the strain, and not linearly
-            strain = strain + eliminate(-jax.jacfwd(load)(strain), load(strain))
-        return strain
+
+        def newton(strain, _):
+            return strain + eliminate(-jax.jacfwd(load)(strain), load(strain)), None
+
+        # The first step is exact, unless a force depends on the strain and not linearly.
+        return jax.lax.scan(newton, rest, length=6)[0]
 
     def momentum(self, t, q, v) -> Float[Array, " N"]:
         """p = dL/dv at the static strain."""

@@ -11,6 +11,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks
@@ -47,7 +48,7 @@ class Torque(AbstractForce):
     moment: Any
 
     def __init__(self, moment):
-        self.moment = _strength("Torque(moment=)", moment, (3,) if jnp.ndim(_number(moment)) else ())
+        self.moment = _strength("Torque(moment=)", moment, (3,) if np.ndim(_number(moment)) else ())
 
     def power(self, t, state, virtual, body):
         del body
@@ -78,7 +79,7 @@ class TipForce(AbstractForce):
     force: Any
 
     def __init__(self, force):
-        self.force = _strength("TipForce(force=)", force, jnp.shape(_number(force)))
+        self.force = _strength("TipForce(force=)", force, np.shape(_number(force)))
 
     def power(self, t, state, virtual, body):
         force = _at(self.force, t, state)
@@ -170,10 +171,10 @@ class ShakenBase(AbstractForce):
 
     def check(self, motion):
         _check_pivot(self, motion)
-        shape = jax.eval_shape(self.position, jnp.zeros(())).shape
+        shape = getattr(jax.eval_shape(self.position, jnp.zeros(())), "shape", "no array")
         if shape != (motion.dimension,):
             raise ValueError(
-                f"ShakenBase(position=) gives an array of shape {shape}; it must give the place of the pivot, "
+                f"ShakenBase(position=) gives {shape}; it must give the place of the pivot, "
                 f"({motion.dimension},) numbers in m."
             )
 

@@ -142,6 +142,8 @@ class _NaturalNorm(eqx.Module):
         phase = error.phase if isinstance(error, Tracked) else error  # an implicit solver asks about the phase alone
         weighted = jax.tree.map(jnp.multiply, phase, self.weights)
         squares = jnp.concatenate([jnp.ravel(x) ** 2 for x in jax.tree.leaves(weighted)])
+        if squares.size == 0:  # a rigid rod that is driven has no coordinates
+            return jnp.zeros((), squares.dtype)
         return jnp.sqrt(jnp.mean(squares))
 
 

@@ -9,13 +9,17 @@ from .basis import AbstractBasis, check_number, lumped_mass, until
 from .quadrature import Panels
 from .rod import Rod
 
+_NOTHING = 1e8  # energies of a shape, after over before it was made orthogonal, in squares of rounding
+
 
 class LoadRitz(AbstractBasis):
     """Strain by n load-dependent Ritz vectors (Wilson, Yuan, Dickens 1982): each the static answer to the one before.
 
     The first is how the rod stretches under a load like that of a spin, rho A x (1 - x^2 / 3 length^2); the next how it
     stretches under the inertia of that, and so on: a Krylov space.  It knows section, steps, tip mass and support, and
-    needs the fewest shapes of all bases (docs/accuracy.md).  With a pivot inside, both sides take turns.
+    needs the fewest shapes of all bases for frequencies and for motion that inertia drives (docs/accuracy.md).  Its
+    tension ends in zero at a tip without mass: for a `TipForce` take `ForceRitz`.  With a pivot inside, both sides take
+    turns.
 
     **Arguments:** `n`, a whole number >= 0.
 
@@ -66,11 +70,13 @@ class LoadRitz(AbstractBasis):
         def add(carry, k):
             found, chains = carry
             strain = stretched(chains[0])
-            strain = strain / jnp.max(jnp.abs(strain), initial=jnp.finfo(strain.dtype).tiny)
+            before = rigidity @ strain[:nodes] ** 2
             for _ in range(2):  # once more for what rounding left
                 strain = strain - (found[:, :nodes] @ (rigidity * strain[:nodes])) @ found
             square = rigidity @ strain[:nodes] ** 2
-            strain = jnp.where(square > 0, strain / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+            # A side of no length adds nothing but rounding: its shapes stay empty.
+            new = square > _NOTHING * float(jnp.finfo(square.dtype).eps) ** 2 * before
+            strain = jnp.where(new, strain / jnp.sqrt(jnp.where(new, square, 1.0)), 0.0)
             return (found.at[k].set(strain), jnp.concatenate([chains[1:], displaced(strain[:nodes])[None]])), None
 
         chains = jnp.stack([displaced(seed) for seed in _seeds(rod, panels, pivot)])

@@ -21,7 +21,7 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     """Axial natural frequencies in Hz, ascending, at rest and without gravity: one for each strain shape.
 
     For uniform strain sqrt(c l0^2 / I) / 2 pi; a rigid rod has none.  Shapes on a piece of no length, where the pivot
-    lies on an end, have inf.  Differentiable in every number of the rod.
+    lies on an end, have inf (and no derivative by that pivot).  Differentiable in every number of the rod.
 
     **Warns** for a rod so thick that lateral inertia, which the model leaves out, matters: by 1 % or more.
 
@@ -81,6 +81,8 @@ def critical_rate(system: System) -> Float[Array, ""]:
     The exact rod gives way earlier: `continuum.critical_rate`.  Turning freely, with its angular momentum conserved, a
     rod has no critical rate.
 
+    **Raises:** `ValueError` for a rigid rod, and for another strain law than Hooke's.
+
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
     >>> print(jaxrod.critical_rate(jaxrod.System(rod, jaxrod.Rotation())).round(2))
@@ -88,6 +90,11 @@ def critical_rate(system: System) -> Float[Array, ""]:
     """
     if system.basis.n == 0:
         raise ValueError("basis=Ritz(0) is rigid and holds at any rate; take Ritz(1) or more.")
+    if isinstance(system.rod, Rod) and not system.rod.linear:
+        raise ValueError(
+            f"law={system.rod.law_name} stiffens or softens with strain, and no one rate is critical; leave out law=, or ask "
+            "jaxrod.modes about the equilibrium at each spin."
+        )
     return 2 * jnp.pi * natural_frequencies(system)[0]
 
 
@@ -158,9 +165,12 @@ def _modes(system, about):
     by_q, by_v = jax.jacfwd(push, argnums=(0, 1))(q, zero)
     n = q.size
     matrix = jnp.block([[jnp.zeros((n, n), q.dtype), jnp.eye(n, dtype=q.dtype)], [by_q / rate**2, by_v / rate]])
+    if n == 0:  # a rigid rod that is driven has no motion of its own
+        none = jnp.zeros((0, about.direction.size), complex)
+        return zero, zero, none, none[:, :0], unbalanced
     w, v = spectrum.eig(matrix)
     # What is rounding: of a double zero, where the rod turns freely, its root; of growth a little of the largest.
-    eps, largest = float(jnp.finfo(matrix.dtype).eps), jnp.max(jnp.abs(w))
+    eps, largest = float(jnp.finfo(matrix.dtype).eps), jnp.max(jnp.abs(w), initial=0.0)
     w = jnp.where(jnp.abs(w) <= 7 * eps**0.5 * largest, 0.0, w)
     w = jnp.where(jnp.abs(w.real) <= max(1e-11, 100 * eps) * largest, 1j * w.imag, w)
     upper = jnp.lexsort((-w.real, -w.imag))[:n][::-1]  # one of each pair: the upper, of real ones the faster growing

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -70,6 +71,7 @@ class Rod(eqx.Module):
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
         self._check_profiles()
+        self._check_law()
 
     def _check_profiles(self):
         outside = [s for s in self.breaks if checks.fails(lambda length, s=s: 0 < s < length, self.length)]
@@ -77,13 +79,9 @@ class Rod(eqx.Module):
             raise ValueError(
                 f"breaks hold {outside[0]:.6g} m, outside of 0 < s < length={checks.shown(self.length)} m."
             )
-        positions = getattr(self.section, "positions", None)
-        if positions is not None and checks.fails(
-            lambda s, length: s[0] <= 1e-9 * length and s[-1] >= length * (1 - 1e-9), positions, self.length
-        ):
-            raise ValueError(
-                f"Table(positions={checks.shown(positions)}) must reach from 0 to length={checks.shown(self.length)} m."
-            )
+        if checks.fails(lambda covers: covers, self.section.covers(self.length)):
+            positions = checks.shown(getattr(self.section, "positions", ()))
+            raise ValueError(f"Table(positions={positions}) must reach from 0 to length={checks.shown(self.length)} m.")
         s, _ = self.quadrature()
         for name, values, unit in (
             ("section has area", self.area(s), "m^2"),
@@ -104,6 +102,29 @@ class Rod(eqx.Module):
                 "prints rubber's modulus as 10^7 MPa where 10^7 Pa is meant.)",
                 stacklevel=3,
             )
+
+    def _check_law(self):
+        if self.linear:
+            return
+
+        def slope(strain):
+            return jax.jvp(self.law, (strain,), (jnp.ones_like(strain),))
+
+        rest = jnp.zeros(2)
+        if jax.eval_shape(self.law, rest).shape != (2,):
+            raise ValueError(f"law={self.law_name} must give one energy for each strain of an array.")
+        (energy, stress), (_, stiffness) = jax.jvp(slope, (rest,), (jnp.ones_like(rest),))
+        for name, value, wanted in (("W", energy, 0.0), ("W'", stress, 0.0), ("W''", stiffness, 1.0)):
+            if checks.fails(lambda x, wanted=wanted: np.abs(x - wanted) < 1e-3, value):
+                raise ValueError(
+                    f"law={self.law_name} has {name}(0) = {float(value[0]):.4g} but must have {wanted:g}: it is energy "
+                    "over Young's modulus, strain^2 / 2 where strain is small."
+                )
+
+    @property
+    def law_name(self) -> str:
+        """The strain law's name, for messages."""
+        return getattr(getattr(self.law, "func", self.law), "__name__", repr(self.law))
 
     # ---- along the rod
 
@@ -202,7 +223,8 @@ class Rod(eqx.Module):
         s, _ = self.quadrature()
         positive = jnp.concatenate([self.length[None], self.area(s), self.modulus(s), self.mass_density(s)])
         tip = jnp.stack([jnp.zeros_like(self.length), *(x for x in (self.tip_mass, self.tip_inertia) if x is not None)])
-        return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid()
+        inside = jnp.all(jnp.asarray([0.0, *self.breaks]) < self.length) & self.section.covers(self.length)
+        return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid() & inside
 
 
 class Lumped(eqx.Module):

@@ -36,6 +36,11 @@ class AbstractSection(eqx.Module):
         """Whether the numbers make a section, beyond a positive area."""
         return jnp.asarray(True)
 
+    def covers(self, length: Float[Array, ""]) -> Array:
+        """Whether it is known all along a rod of this length."""
+        del length
+        return jnp.asarray(True)
+
 
 class Uniform(AbstractSection):
     """A circular section of constant radius.
@@ -134,7 +139,7 @@ class Table(AbstractSection):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
-        size = (int(jnp.size(positions)),)
+        size = (int(np.size(positions)),)
         self.positions = checks.number("Table(positions=)", positions, size)
         name, measured = ("radii", radii) if areas is None else ("areas", areas)
         measured = checks.number(f"Table({name}=)", measured, size)
@@ -160,6 +165,9 @@ class Table(AbstractSection):
 
     def valid(self):
         return jnp.all(self.areas > 0) & jnp.all(jnp.diff(self.positions) > 0)
+
+    def covers(self, length):
+        return (self.positions[0] <= 1e-9 * length) & (self.positions[-1] >= length * (1 - 1e-9))
 
 
 class Steps(eqx.Module):
@@ -225,7 +233,12 @@ def profile(name: str, value: Any, unit: str) -> Any:
 
 
 def _increasing(breaks) -> tuple[float, ...]:
-    breaks = tuple(float(s) for s in breaks)
+    try:
+        breaks = tuple(float(s) for s in breaks)
+    except (TypeError, ValueError):  # a tracer, too: how many pieces there are must be known
+        raise ValueError(f"breaks={breaks!r} must be a sequence of numbers in m, known and not traced.") from None
+    if not np.all(np.isfinite(breaks)):
+        raise ValueError(f"breaks={breaks} must be finite numbers in m.")
     if list(breaks) != sorted(set(breaks)):
         raise ValueError(f"breaks={breaks} must increase from root to tip.")
     return breaks

@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
@@ -47,6 +48,18 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
         raise ValueError(f"spin={spin} and momentum={momentum} are both given; leave one out.")
     if isinstance(system.motion, Driven) and not (angle is None and spin is None and momentum is None):
         raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
+    if isinstance(system.motion, Driven):
+        _, rate, acceleration = system.motion.turning(0.0)
+        if checks.fails(lambda rate, acceleration: np.abs(acceleration) <= 1e-9 * (1 + rate**2), rate, acceleration):
+            raise ValueError(
+                f"motion=Driven() turns faster and faster, by {acceleration:.4g} rad/s^2: nothing is steady."
+            )
+        if system.gravity is not None and checks.fails(
+            lambda rate, g: (rate == 0) | np.all(g == 0), rate, system.gravity
+        ):
+            raise ValueError(
+                f"motion=Driven() turns at {rate:.4g} rad/s under gravity, which then goes round the rod: no rest."
+            )
     given = {"angle": angle, "spin": spin, "momentum": momentum}
     given = {name: checks.number(name, value) for name, value in given.items() if value is not None}
     # Searched in JAX's default type, in which Optimistix keeps its own numbers.
@@ -58,7 +71,8 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
         what = ", ".join(f"{name}={checks.shown(value)}" for name, value in given.items())
         raise ValueError(
             f"no equilibrium of {type(system.motion).__name__}() was found{' with ' * bool(what)}{what}: a steady turning "
-            "in the plane bears no gravity, and a spin no rate beyond critical_rate(system); start from another angle=."
+            "in the plane bears no gravity, and by Hooke's law no rate beyond critical_rate(system); else start from another "
+            "angle=."
         )
     return jax.tree.map(lambda x: jnp.where(sound, x, jnp.nan).astype(dtype), state)
 
@@ -83,6 +97,9 @@ def _search(system, angle, spin, momentum):
         return jnp.concatenate([((turning - momentum) / (inertia * rate))[None], push])
 
     q0 = jnp.zeros(slopes + n, dtype)
+    if n and spin is not None and getattr(system.rod, "linear", True) is False:
+        # No law but Hooke's answers at once: begin stretched, away from the rest that is none at strain -1.
+        q0 = q0.at[slopes].set(jnp.minimum((jnp.asarray(spin, dtype) / rate) ** 2 / 2, 3.0))
     if momentum is not None:  # a low rate to begin with: from above the critical one the search would not come back
         slow = jnp.asarray(momentum, dtype) / system.body.mass_matrix[0, 0]
         q0 = jnp.concatenate([(slow / jnp.sqrt(1 + (slow / rate) ** 2))[None], q0])
@@ -138,7 +155,8 @@ def _guess(system: System, angle, spin) -> Float[Array, " D"]:
     if system.gravity is None or isinstance(system.motion, Flight):
         return jnp.zeros(dimension).at[0].set(1.0)
     if system.gravity.ndim == 1:
-        down = system.gravity / jnp.sqrt(system.gravity @ system.gravity)
+        strength = jnp.sqrt(system.gravity @ system.gravity)
+        down = jnp.where(strength > 0, system.gravity / jnp.where(strength > 0, strength, 1.0), down)
     body = system.body
     down = down * jnp.where(body.first_moments[0] < 0, -1.0, 1.0)
     if spin is None or dimension == 2 or system.gravity.ndim == 1:

@@ -27,7 +27,7 @@ class System(eqx.Module):
     - `rod`: a `Rod`, or a `Lumped` body.
     - `motion`: `Rotation()`, `Spherical()`, `Flight()` or `Driven(angle)`.
     - `basis`: `Ritz(n)` or `ForceRitz(n)`; `Ritz(0)` is rigid, `Ritz(1)`, the default, the paper's uniform strain;
-      `LoadRitz(n)` needs the fewest shapes; `QuasiStatic` of any has the strain follow without inertia.
+      `LoadRitz(n)` needs the fewest shapes for frequencies; `QuasiStatic` of any has the strain follow without inertia.
     - `gravity`: g in m/s^2, downwards; or the acceleration as a vector (D,); or None.
     - `forces`: forces without a potential: `Torque`, `TipForce`, `PivotFriction`, `KelvinVoigt`, `ShakenBase` or your own.
 
@@ -325,9 +325,9 @@ _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation(
 
 
 def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
-    if jnp.ndim(gravity) == 0:
+    if np.ndim(gravity) == 0:
         return checks.not_negative("gravity", gravity, "m/s^2 (or a vector, or None)")
-    return checks.number("gravity", gravity, (getattr(motion, "dimension", jnp.size(gravity)),))
+    return checks.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),))
 
 
 def _or_zero(value, zero: Any = 0.0):
