@@ -279,8 +279,8 @@ def main() -> None:
             "Strong lines and marks f1, pale lines f2 and f3; dotted 1e-6. `Ritz` and `ForceRitz` coincide on a uniform rod.",
             "## What to choose",
             choice(scenes, errors),
-            "`LoadRitz` follows what inertia does, and its tension ends in zero at a free tip: for a `TipForce` take `ForceRitz`, whose "
-            "first shape is its static answer. For slow, steady loads compare the table of spin at the end.",
+            "`LoadRitz` follows what inertia does, and its tension ends in zero at a free tip: for a `TipForce` take "
+            "`ForceRitz`, whose first shape is its static answer. For slow, steady loads compare the table of spin at the end.",
             "## The reference against closed forms",
             "Roots r of the rod held and R free: κ cot κ = 1 − r / R, with κ = ω length / √(E / ρ); body of mass M at the "
             "tip of a uniform rod of mass m: κ tan κ = m / M; step in the middle: tan²(κ / 2) = A_root / A_tip; a pivot "

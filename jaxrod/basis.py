@@ -256,7 +256,9 @@ def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float
 
 def _snapped(rod: Rod, pivot):
     """The pivot, on a break or end if it is that by all but rounding: a piece of 1e-9 of the rod would be a spring of 1e9."""
-    for end in () if pivot is None else (0.0, *rod.breaks, rod.length):
+    if pivot is None:
+        return None
+    for end in (0.0, *rod.breaks, rod.length):
         near = jnp.abs(pivot - end) < 1e-9 * rod.length
         pivot = pivot + jax.lax.stop_gradient(jnp.where(near, end - pivot, 0.0))
     return pivot

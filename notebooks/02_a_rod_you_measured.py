@@ -28,7 +28,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxrod
-from jaxrod.limits import model_limits
 
 said = jaxrod.configure()
 
@@ -64,7 +63,7 @@ print("exact".ljust(12) + "".join(f"{f:9.3f}" for f in exact))
 # ## What the model leaves out
 
 # %%
-print(model_limits(hung))
+print(jaxrod.model_limits(hung))
 
 # %% [markdown]
 # The rod is straight in the model. This one, in your hand, bends far more easily than it stretches; hanging, or spun
