@@ -111,7 +111,7 @@ def test_end_states(kind, point):
     np.testing.assert_array_less((np.abs(reverse - differences) / size)[rows], 1e-7)
 
 
-@pytest.mark.parametrize(("kind", "point"), POINTS, ids=lambda x: x)
+@pytest.mark.parametrize(("kind", "point"), [_slow_in_space_and_flight(*x) for x in POINTS], ids=lambda x: x)
 def test_scale_identities(kind, point):
     """Motion knows E and rho by their ratio alone, and radii by theirs: E d/dE + rho d/drho = 0 = r d/dr + R d/dR."""
     by = dict(zip(NAMES, _derivatives(kind, point)[0][_rows(kind, point)].T, strict=True))

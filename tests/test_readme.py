@@ -5,6 +5,7 @@ import re
 
 import jax
 import jax.numpy as jnp
+import pytest
 
 import jaxrod
 
@@ -25,6 +26,7 @@ def test_example(capsys):
     assert "the run reached its end" in printed and "young = " in printed and "taper = " in printed
 
 
+@pytest.mark.slow
 def test_any_rod_any_rung_any_load(capsys):
     """The second example: every line runs, and the rungs are as near to the exact rod as it shows."""
     block = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)[1]
