@@ -157,6 +157,7 @@ def test_a_rung_contains_the_one_below(kind, where):
 # ---- steps that are none
 
 
+@pytest.mark.slow
 def test_equal_steps_are_no_steps():
     """What must agree with the plain rod: all that knows no pieces.
 
@@ -192,6 +193,7 @@ def test_equal_steps_are_no_steps():
 # ---- flight without spin is the free linear rod
 
 
+@pytest.mark.slow
 def test_flight_without_spin_is_the_free_rod(cone):
     """The rungs' frequencies converge to the exact ones, which are of both free ends; a mode is a cosine."""
     fine, system = (jaxrod.System(cone, jaxrod.Flight(), jaxrod.Ritz(n)) for n in (12, 3))

@@ -120,6 +120,7 @@ def test_steady_spin(section, stretch):
     assert float(jaxrod.continuum.steady_spin(system, critical / 2)) == pytest.approx(stretch, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_command_line(tmp_path):
     def run(*arguments):
         return subprocess.run(

@@ -123,7 +123,7 @@ def test_force_polynomials(case):
 
 
 @pytest.mark.parametrize("basis", [jaxrod.Ritz, jaxrod.ForceRitz, jaxrod.LoadRitz])
-@cases("galerkin_frequencies")
+@cases("galerkin_frequencies", slow=("gal_uniform", "gal_ratio_1.5", "gal_ratio_2/3"))
 def test_forty_shapes_are_well_conditioned(case, basis):
     system = jaxrod.System(rod_of(case["inputs"]), jaxrod.Rotation(), basis(40))
     check(jaxrod.natural_frequencies(system)[:3], hertz(case["outputs"]["kappa_exact"]), 1e-12)
@@ -332,9 +332,7 @@ def rotor(n):
     )
 
 
-@pytest.mark.parametrize(
-    "n", [1, 2, pytest.param(3, marks=pytest.mark.slow), pytest.param(4, marks=pytest.mark.slow), 6]
-)
+@pytest.mark.parametrize("n", [2, *(pytest.param(n, marks=pytest.mark.slow) for n in (1, 3, 4, 6))])
 @cases("pde_rotor")
 def test_rotor(case, n):
     """Galerkin's motion on rung n, started suddenly or from the static stretch of the same rung."""

@@ -231,6 +231,7 @@ def local_maxima(values):
     return np.flatnonzero((values[1:-1] > values[:-2]) & (values[1:-1] >= values[2:])) + 1
 
 
+@pytest.mark.slow
 def test_toronto_elastic_pendulum():
     """University of Toronto PHYD57 (2024): where a mass on a soft spring is after 1,000 s.
 
