@@ -59,11 +59,9 @@ class AbstractBasis(eqx.Module):
         s, ds = panels.s, panels.ds
         phi = self._at_points(rod, panels, pivot, free)
         phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
-        strains, rigidity, mass = (
-            self.strains(rod, s, pivot, free),
-            rod.modulus(s) * rod.area(s) * ds,
-            lumped_mass(rod, panels),
-        )
+        strains = self.strains(rod, s, pivot, free)
+        rigidity = rod.modulus(s) * rod.area(s) * ds
+        mass = lumped_mass(rod, panels)
         masses = (phi * mass[None, :]) @ phi.T
         stiffness = (strains * rigidity[None, :]) @ strains.T
         if rod.tip_inertia is not None:
@@ -97,7 +95,18 @@ class AbstractBasis(eqx.Module):
         return phi.at[1:].add(gained - until(panels, excess, pivot)[:, None])
 
 
-class Ritz(AbstractBasis):
+class AbstractShapes(AbstractBasis):
+    """A basis of n strain shapes of its own."""
+
+    n: int = eqx.field(static=True)
+
+    def __check_init__(self):
+        if type(self.n) is not int or self.n < 0:
+            name = type(self).__name__
+            raise ValueError(f"{name}(n={self.n}) is not available; give a whole number of strain shapes, 0 for rigid.")
+
+
+class Ritz(AbstractShapes):
     """Strain by n shapes, Legendre polynomials on each piece of the rod between its breaks and the pivot.
 
     `Ritz(0)` is the rigid rod, `Ritz(1)` the paper's uniform strain (2).  Next come the constants of the pieces, then
@@ -112,11 +121,6 @@ class Ritz(AbstractBasis):
     >>> print(jaxrod.Ritz(3).project(cone).stiffness_matrix.shape)
     (3, 3)
     """
-
-    n: int = eqx.field(static=True)
-
-    def __check_init__(self):
-        check_number(self)
 
     @property
     def uniform(self):
@@ -133,7 +137,7 @@ class Ritz(AbstractBasis):
         return _by_degree(self.n, ends, pieces, s, shapes, lambda t, count: legendre(count, t)[1:])
 
 
-class ForceRitz(AbstractBasis):
+class ForceRitz(AbstractShapes):
     """Axial force by n polynomial shapes, the strain is force over E A: right for strong taper and for steps.
 
     `ForceRitz(1)` is a constant force: the stiffness (12), (14) of the paper, with the inertia that belongs to it.  The
@@ -148,11 +152,6 @@ class ForceRitz(AbstractBasis):
     [559.716]
     [0.]
     """
-
-    n: int = eqx.field(static=True)
-
-    def __check_init__(self):
-        check_number(self)
 
     @property
     def uniform(self):
@@ -227,17 +226,28 @@ class QuasiStatic(AbstractBasis):
 
 def _orthogonal(strains: Float[Array, "n points"], rigidity: Float[Array, " nodes"]) -> Float[Array, "n points"]:
     """Gram and Schmidt's orthonormal shapes, by the energy of the strain at the first points, the nodes."""
-    nodes = rigidity.size
 
     def add(found, here):
         k, strain = here
-        for _ in range(2):  # once more for what rounding left
-            strain = strain - (found[:, :nodes] @ (rigidity * strain[:nodes])) @ found
-        square = rigidity @ strain[:nodes] ** 2
-        strain = jnp.where(square > 0, strain / jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
-        return found.at[k].set(strain), None
+        return found.at[k].set(orthonormal(strain, found, rigidity)), None
 
     return jax.lax.scan(add, jnp.zeros_like(strains), (jnp.arange(len(strains)), strains))[0]
+
+
+def orthonormal(
+    strain: Float[Array, " points"], found: Float[Array, "n points"], rigidity: Float[Array, " nodes"], least=0.0
+) -> Float[Array, " points"]:
+    """A shape of energy 1 apart from those found (rows of zeros: not yet), by the energy at the first points, the nodes.
+
+    Zero where no more than `least` of its energy is new.
+    """
+    nodes = rigidity.size
+    before = rigidity @ strain[:nodes] ** 2
+    for _ in range(2):  # once more for what rounding left
+        strain = strain - (found[:, :nodes] @ (rigidity * strain[:nodes])) @ found
+    square = rigidity @ strain[:nodes] ** 2
+    new = square > least * before
+    return jnp.where(new, strain / jnp.sqrt(jnp.where(new, square, 1.0)), 0.0)
 
 
 def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float[Array, "n points"]:
@@ -290,9 +300,3 @@ def lumped_mass(rod: Rod, panels: Panels) -> Float[Array, " points+1"]:
 def _mean(rod: Rod, panels: Panels, phi) -> Float[Array, " n+1"]:
     mass = lumped_mass(rod, panels)
     return phi[:, : mass.size] @ mass / jnp.sum(mass)
-
-
-def check_number(basis: AbstractBasis) -> None:
-    if type(basis.n) is not int or basis.n < 0:
-        name = type(basis).__name__
-        raise ValueError(f"{name}(n={basis.n}) is not available; give a whole number of strain shapes, 0 for rigid.")

@@ -70,7 +70,7 @@ class Angles(AbstractChart):
         return motion.dimension - 1
 
     def place(self, motion, t, q):
-        angles, amplitudes, center = _parts(motion, q, motion.dimension - 1)
+        angles, amplitudes, center = _parts(motion, q, self.size(motion))
         flat = jnp.cos(angles[0])
         if motion.dimension == 2:
             return Placement(jnp.stack([flat, jnp.sin(angles[0])]), amplitudes, center)
@@ -86,15 +86,15 @@ class Angles(AbstractChart):
         return _join(state, angles, rates, state.amplitudes, state.amplitude_rates)
 
     def kinetic(self, motion, body, t, q, v):
-        angles, a, _ = _parts(motion, q, motion.dimension - 1)
-        rates, da, _ = _parts(motion, v, motion.dimension - 1)
+        angles, a, _ = _parts(motion, q, self.size(motion))
+        rates, da, _ = _parts(motion, v, self.size(motion))
         if motion.dimension == 2:
             return energy.kinetic_rotation(body, a, da, rates[0])
         return energy.kinetic_spherical(body, a, da, angles[0], rates[0], rates[1])
 
     def solve(self, motion, body, q, right):
-        angles, a, _ = _parts(motion, q, motion.dimension - 1)
-        turning, stretching, moving = _parts(motion, right, motion.dimension - 1)
+        angles, a, _ = _parts(motion, q, self.size(motion))
+        turning, stretching, moving = _parts(motion, right, self.size(motion))
         inertia = body.inertia(a)[None]
         if motion.dimension == 3:
             inertia = jnp.concatenate([inertia, inertia * jnp.cos(angles[:1]) ** 2])
@@ -119,7 +119,7 @@ class Embedded(AbstractChart):
         return motion.dimension
 
     def place(self, motion, t, q):
-        q, _, center = _parts(motion, q, motion.dimension)
+        q, _, center = _parts(motion, q, self.size(motion))
         stretch = jnp.sqrt(q @ q)
         return Placement(q / stretch, stretch[None] - 1, center)
 
@@ -135,10 +135,10 @@ class Embedded(AbstractChart):
         return _join(state, stretch * state.direction, velocity, none, none)
 
     def kinetic(self, motion, body, t, q, v):
-        return energy.kinetic_embedded(body, _parts(motion, v, motion.dimension)[0])
+        return energy.kinetic_embedded(body, _parts(motion, v, self.size(motion))[0])
 
     def solve(self, motion, body, q, right):
-        flat, none, moving = _parts(motion, right, motion.dimension)
+        flat, none, moving = _parts(motion, right, self.size(motion))
         return _whole(body, flat / body.mass_matrix[0, 0], none, moving)
 
     def turns(self, motion, t, q, counted):
@@ -158,23 +158,23 @@ class Director(AbstractChart):
         return motion.dimension
 
     def place(self, motion, t, q):
-        y, amplitudes, center = _parts(motion, q, motion.dimension)
+        y, amplitudes, center = _parts(motion, q, self.size(motion))
         return Placement(y / jnp.sqrt(y @ y), amplitudes, center)
 
     def encode(self, motion, state):
         return _join(state, state.direction, state.direction_rate, state.amplitudes, state.amplitude_rates)
 
     def kinetic(self, motion, body, t, q, v):
-        y, a, _ = _parts(motion, q, motion.dimension)
-        dy, da, _ = _parts(motion, v, motion.dimension)
+        y, a, _ = _parts(motion, q, self.size(motion))
+        dy, da, _ = _parts(motion, v, self.size(motion))
         square = y @ y
         growth = (y @ dy) / square
         dd = (dy - growth * y) / jnp.sqrt(square)
         return energy.kinetic_director(body, a, da, dd) + body.mass_matrix[0, 0] * growth**2 / 2
 
     def solve(self, motion, body, q, right):
-        y, a, _ = _parts(motion, q, motion.dimension)
-        turning, stretching, moving = _parts(motion, right, motion.dimension)
+        y, a, _ = _parts(motion, q, self.size(motion))
+        turning, stretching, moving = _parts(motion, right, self.size(motion))
         square = y @ y
         along = (y @ turning) / square * y
         turning = square * ((turning - along) / body.inertia(a) + along / body.mass_matrix[0, 0])

@@ -1,18 +1,17 @@
 """Load-dependent Ritz vectors: strain shapes that the rod's own inertia makes."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from .basis import AbstractBasis, check_number, lumped_mass, until
+from .basis import AbstractShapes, lumped_mass, orthonormal, until
 from .quadrature import Panels
 from .rod import Rod
 
 _NOTHING = 1e8  # energies of a shape, after over before it was made orthogonal, in squares of rounding
 
 
-class LoadRitz(AbstractBasis):
+class LoadRitz(AbstractShapes):
     """Strain by n load-dependent Ritz vectors (Wilson, Yuan, Dickens 1982): each the static answer to the one before.
 
     The first is how the rod stretches under a load like that of a spin, rho A x (1 - x^2 / 3 length^2); the next how it
@@ -32,11 +31,6 @@ class LoadRitz(AbstractBasis):
     0.45235 %
     0.00000 %
     """
-
-    n: int = eqx.field(static=True)
-
-    def __check_init__(self):
-        check_number(self)
 
     @property
     def uniform(self):
@@ -69,14 +63,9 @@ class LoadRitz(AbstractBasis):
 
         def add(carry, k):
             found, chains = carry
-            strain = stretched(chains[0])
-            before = rigidity @ strain[:nodes] ** 2
-            for _ in range(2):  # once more for what rounding left
-                strain = strain - (found[:, :nodes] @ (rigidity * strain[:nodes])) @ found
-            square = rigidity @ strain[:nodes] ** 2
             # A side of no length adds nothing but rounding: its shapes stay empty.
-            new = square > _NOTHING * float(jnp.finfo(square.dtype).eps) ** 2 * before
-            strain = jnp.where(new, strain / jnp.sqrt(jnp.where(new, square, 1.0)), 0.0)
+            rounding = _NOTHING * float(jnp.finfo(rigidity.dtype).eps) ** 2
+            strain = orthonormal(stretched(chains[0]), found, rigidity, least=rounding)
             return (found.at[k].set(strain), jnp.concatenate([chains[1:], displaced(strain[:nodes])[None]])), None
 
         chains = jnp.stack([displaced(seed) for seed in _seeds(rod, panels, pivot)])

@@ -11,6 +11,7 @@ from jaxtyping import Array, Complex, Float
 from . import checks, continuum, spectrum, statics
 from .chart import Local
 from .motion import State
+from .projection import Projection
 from .rod import Rod
 from .system import System
 
@@ -32,30 +33,29 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))).round(3))
     [ 19.239  68.213 158.859]
     """
-    frequencies = _natural_frequencies(system)
-    _warn_if_thick(system, frequencies)
-    return frequencies
-
-
-def _warn_if_thick(system: System, frequencies) -> None:
-    """Say so where a rod is so thick that its sideways motion matters: nu^2 k^2 r^2 / 4 of the frequency, nu = 1/2."""
-    rod = system.rod
-    if not isinstance(rod, Rod) or frequencies.size == 0 or not checks.known(frequencies):
-        return
-    s, _ = rod.quadrature()
-    square = (np.pi * frequencies[0] / rod.wave_speed) ** 2 * jnp.mean(rod.area(s)) / np.pi / 4
-    if checks.fails(lambda lowered: lowered < _THICK, square):
+    frequencies, lowered = _natural_frequencies(system)
+    if lowered is not None and checks.fails(lambda lowered: lowered < _THICK, lowered):
         warnings.warn(
             f"lateral inertia, which the model leaves out, may lower the first frequency of so thick a rod by "
-            f"{100 * float(square):.2g} %; see jaxrod.model_limits(system).",
-            stacklevel=3,
+            f"{100 * float(lowered):.2g} %; see jaxrod.model_limits(system).",
+            stacklevel=2,
         )
+    return frequencies
 
 
 @eqx.filter_jit
 def _natural_frequencies(system):
-    body = system.body
-    if system.basis.n < 2:
+    """The frequencies, and by which part lateral inertia may lower the first: nu^2 k^2 r^2 / 4, Poisson's ratio nu = 1/2."""
+    frequencies = _frequencies_of(system.body, system.basis.n)
+    if not isinstance(system.rod, Rod) or system.basis.n == 0:
+        return frequencies, None
+    s, _ = system.rod.quadrature()
+    square = jnp.mean(system.rod.area(s)) / np.pi
+    return frequencies, (np.pi * frequencies[0] / system.rod.wave_speed) ** 2 * square / 4
+
+
+def _frequencies_of(body: Projection, n: int) -> Float[Array, " n"]:
+    if n < 2:
         return jnp.sqrt(jnp.diagonal(body.stiffness_matrix) / jnp.diagonal(body.strain_mass)) / (2 * jnp.pi)
     # M v = K v / omega^2: the lowest frequencies, the largest 1 / omega^2, come out best.
     compliance, _ = spectrum.eigh(body.strain_mass, body.stiffness_matrix)

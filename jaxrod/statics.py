@@ -113,8 +113,7 @@ def _search(system, angle, spin, momentum):
     error = jnp.max(jnp.abs(residual(x, system)), initial=0.0)
     spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
     state = _state(system, base, spin, q)
-    field = state.amplitudes if system.basis.uniform else system.body.field(state.amplitudes)
-    return state, error, jnp.min(field, initial=0.0)
+    return state, error, system.lowest_strain(state.amplitudes)
 
 
 def accelerations(system: System, chart: AbstractChart, q, v) -> Float[Array, " N"]:

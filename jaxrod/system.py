@@ -187,19 +187,20 @@ class System(eqx.Module):
 
     def _check_strain(self, amplitudes):
         if checks.fails(lambda a: a == 0, amplitudes):
-            lowest = amplitudes if self.basis.uniform else self.body.field(amplitudes)
+            lowest = self.lowest_strain(amplitudes)
             if checks.fails(lambda strain: strain > -1, lowest):
-                raise ValueError(
-                    f"strain={np.min(np.asarray(lowest)):.6g} turns the rod inside out; it must be above -1."
-                )
+                raise ValueError(f"strain={float(lowest):.6g} turns the rod inside out; it must be above -1.")
+
+    def lowest_strain(self, amplitudes: Float[Array, " n"]) -> Float[Array, ""]:
+        """The least strain along the rod, or zero if all are above."""
+        return jnp.min(amplitudes if self.basis.uniform else self.body.field(amplitudes), initial=0.0)
 
     def valid(self, start: State) -> Array:
         """Whether rod and start make sense: what construction asks of known numbers, for traced ones."""
         finite = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(eqx.filter((self, start), eqx.is_inexact_array))]
         valid = self.rod.valid() & jnp.all(jnp.stack(finite))
         if self.basis.n:
-            lowest = start.amplitudes if self.basis.uniform else self.body.field(start.amplitudes)
-            valid = valid & jnp.all(lowest > -1)
+            valid = valid & (self.lowest_strain(start.amplitudes) > -1)
         if self._pivot is not None:
             valid = valid & (self._pivot >= 0) & (self._pivot <= self.rod.length)
         return valid

@@ -146,6 +146,10 @@ def sag_of(system):
     return system.gravity * system.body.first_moments[0] / system.body.stiffness_matrix[0, 0]
 
 
+def start_of(system, i):
+    return system.state(angle=i["psi0"], rate=i["omega0"], strain=i["eps0"], strain_rate=i["deps0"])
+
+
 # ---- trajectories
 
 
@@ -154,7 +158,7 @@ def sag_of(system):
 def test_planar_pivot(case, tolerance, bound):
     i, o = case["inputs"], case["outputs"]
     system = quietly_system_of(i)
-    start = system.state(angle=i["psi0"], rate=i["omega0"], strain=i["eps0"], strain_rate=i["deps0"])
+    start = start_of(system, i)
     got = run(system, start, o["t"], tolerance)
     check_planar(got, o, bound, o["omega_eps"])
     # All energy of the lightest rod is in strains of 1e-3, which are held to `bound` of 1 and not of themselves.
@@ -287,7 +291,7 @@ def test_near_collapse(case, tolerance, bound):
     """A rod that is pressed together to 1.4 % of its length and bounces back, turning at 7,651 rad/s meanwhile."""
     i, o = case["inputs"], case["outputs"]
     system = system_of(i)
-    start = system.state(angle=i["psi0"], rate=i["omega0"], strain=i["eps0"], strain_rate=i["deps0"])
+    start = start_of(system, i)
     period = o["radial_period"]
     got = run(system, start, [*o["t"], period / 2, period], tolerance)
     at = {name: value[:-2] for name, value in got.items() if name != "energy_scale"}
