@@ -441,3 +441,26 @@ def test_static_strain_under_a_force_that_depends_on_it(uniform):
     inertia, moment, stiffness = uniform.moment_of_inertia(), uniform.first_moment(), uniform.stiffness
     load = inertia * 400 - moment * 9.81 * jnp.sin(0.4)
     assert float(strain) == pytest.approx(float(load / (stiffness + 5000 - inertia * 400)), rel=1e-12)
+
+
+def test_a_rigid_driven_rod(uniform):
+    """No coordinate is left: the run is the drive, its torque I psi'', and there are no modes."""
+    system = jaxrod.System(uniform, jaxrod.Driven(lambda t: 40.0 * t**2), jaxrod.Ritz(0))
+    sol = jaxrod.simulate(system, system.state(), ts=jnp.array([0.1, 0.2]))
+    np.testing.assert_allclose(sol.angle, [0.4, 1.6], rtol=1e-14)
+    torque = system.drive_torque(0.2, sol.states[-1])
+    np.testing.assert_allclose(torque, 80 * uniform.moment_of_inertia(), rtol=1e-13)
+    steady = jaxrod.System(uniform, jaxrod.Driven(lambda t: 40.0 * t), jaxrod.Ritz(0))
+    assert jaxrod.modes(steady).frequency.shape == (0,)
+
+
+def test_a_traced_pivot_at_the_root_is_none(uniform):
+    """What a side of no length would add is rounding, and stays empty: the first two shapes are those without it."""
+
+    def frequencies(pivot, n):
+        return jaxrod.natural_frequencies(jaxrod.System(uniform, jaxrod.Rotation(pivot), jaxrod.LoadRitz(n)))
+
+    traced = jax.jit(lambda pivot: frequencies(pivot, 4))(0.0)
+    np.testing.assert_allclose(traced[:2], frequencies(0.0, 2), rtol=1e-12)
+    assert np.all(np.isinf(traced[2:]))
+    assert jaxrod.natural_frequencies(jaxrod.System(uniform, jaxrod.Rotation(), jaxrod.ForceRitz(0))).shape == (0,)

@@ -368,3 +368,49 @@ def test_sweep_needs_a_block(block):
 
 def test_exact_frequencies_need_a_rod():
     _refused(lambda: jaxrod.continuum.natural_frequencies(_scene(rod=_lumped()), 2), r"rod=Lumped.*give a Rod")
+
+
+# ---- other laws, driven rods, thick rods
+
+
+@pytest.mark.parametrize(
+    ("law", "match"),
+    [
+        (lambda e: e, r"law=<lambda> has W'\(0\) = 1 but must have 0"),
+        (lambda e: e**2, r"law=<lambda> has W''\(0\) = 2 but must have 1"),
+        (lambda e: jnp.sum(e**2 / 2), r"law=<lambda> must give one energy for each strain"),
+        (None, r"law=None is not a strain law"),
+    ],
+)
+def test_strain_laws(law, match):
+    _refused(lambda: _rod(law=law), match)
+
+
+def test_critical_rate_is_of_hookes_law():
+    scene = _scene(rod=_rod(law=jaxrod.law.green))
+    _refused(lambda: jaxrod.critical_rate(scene), r"law=green stiffens or softens with strain")
+    _refused(lambda: jaxrod.critical_rate(_scene(basis=jaxrod.Ritz(0))), r"Ritz\(0\) is rigid")
+
+
+@pytest.mark.parametrize(
+    ("angle", "gravity", "match"),
+    [
+        (lambda t: 50.0 * t, 9.81, r"turns at 50 rad/s under gravity"),
+        (lambda t: 40.0 * t**2, None, r"faster and faster, by 80 rad/s\^2"),
+    ],
+)
+def test_driven_rods_that_do_not_rest(angle, gravity, match):
+    _refused(lambda: jaxrod.equilibrium(_scene(jaxrod.Driven(angle), gravity=gravity)), match)
+
+
+def test_breaks():
+    _refused(lambda: jaxrod.Steps(0.5, [1.0, 2.0]), r"breaks=0\.5 must be a sequence of numbers in m")
+    _refused(lambda: jaxrod.Steps([float("nan")], [1.0, 2.0]), r"breaks=\(nan,\) must be finite")
+    _refused(
+        lambda: _rod(section=jaxrod.Steps([1.5], [1e-3, 2e-3])), r"breaks hold 1\.5 m, outside of 0 < s < length=1 m"
+    )
+
+
+def test_a_thick_rod_is_told():
+    with pytest.warns(UserWarning, match=r"lateral inertia.* by 3 %; see jaxrod\.model_limits"):
+        jaxrod.natural_frequencies(_scene(rod=_rod(section=jaxrod.Uniform(0.4))))

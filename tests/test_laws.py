@@ -176,3 +176,13 @@ def test_hooke_as_a_matrix_is_hooke_as_a_law(cone):
     q, v = rng.uniform(-0.1, 0.1, (50, 5)), rng.normal(0, 10, (50, 5))
     matrix, law = np.moveaxis(np.asarray(jax.jit(jax.vmap(acceleration))(q, v)), 1, 0)
     np.testing.assert_allclose(law, matrix, rtol=0, atol=1e-12 * np.max(np.abs(matrix)))
+
+
+def test_green_holds_at_any_spin():
+    """e + e^2 / 2 = W^2 I / C has a root at every rate, beyond Hooke's critical one too."""
+    rod = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 1e7, 1200.0, law=jaxrod.law.green)
+    system = jaxrod.System(rod, jaxrod.Rotation())
+    ratio = float(rod.moment_of_inertia() / rod.stiffness)
+    for rate in (50.0, 157.0, 200.0):
+        strain = np.sqrt(1 + 2 * rate**2 * ratio) - 1
+        np.testing.assert_allclose(jaxrod.equilibrium(system, spin=rate).strain, strain, rtol=1e-12)
