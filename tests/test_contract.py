@@ -159,12 +159,16 @@ def test_configure_comes_first():
 # ---- examples in docstrings
 
 
+_LONG_TO_COMPILE = ("basis.QuasiStatic", "force.ShakenBase", "force.TipForce", "modal.modes", "statics.equilibrium")
+
+
 def _examples():
     for module in pkgutil.walk_packages(jaxrod.__path__, "jaxrod."):
         if not module.name.endswith("__main__"):
             for test in doctest.DocTestFinder(exclude_empty=True).find(importlib.import_module(module.name)):
                 if test.examples:
-                    yield pytest.param(test, id=test.name.removeprefix("jaxrod."))
+                    name = test.name.removeprefix("jaxrod.")
+                    yield pytest.param(test, id=name, marks=pytest.mark.slow if name in _LONG_TO_COMPILE else ())
 
 
 @pytest.mark.parametrize("example", _examples())
@@ -204,6 +208,7 @@ def _forced(name):
     return jaxrod.simulate(system, system.state(strain=0.02, **numbers), ts=TIMES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MOTIONS)
 def test_power_balance(name):
     """Energy changes by the power of torque and friction, and by nothing else: Gauss' rule over the whole run."""

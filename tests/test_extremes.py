@@ -58,6 +58,7 @@ def test_young_over_nine_decades(cone, exponent):
 # ---- spin
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("times_critical", [0.5, 1.0, 3.0])
 def test_free_spin_far_above_the_critical_rate(cone, times_critical):
     """A rod let spin freely is stable at any rate: stretching slows it down.

@@ -145,6 +145,7 @@ HOT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("keywords", HOT.values(), ids=HOT)
 def test_the_time_loop_calls_nothing(keywords):
     loops, within, everything = calls(lowered_run(scene(**keywords)))

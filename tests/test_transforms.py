@@ -109,6 +109,7 @@ def _gradients():
     return np.array([GRAD(e, r, rate) for e, r, rate in zip(YOUNG, RADIUS, RATES, strict=True)])
 
 
+@pytest.mark.slow
 def test_vmap_of_grad():
     _same(np.stack(jax.vmap(GRAD)(YOUNG, RADIUS, RATES), axis=1), _gradients(), rtol=1e-9)
 

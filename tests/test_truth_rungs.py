@@ -167,7 +167,7 @@ def test_extreme_taper(case):
     check(jaxrod.natural_frequencies(one), hertz(o["kappa_constant_force_shape"]), 1e-12)
 
 
-_FAST = ("uniform", "1 : 1000", "pivot at 0.3", "flight")
+_FAST = ("pivot at 0.3",)
 SCENES = {  # rod and motion
     "uniform": (jaxrod.Uniform(0.025), jaxrod.Rotation(), None),
     "1 : 1000": (jaxrod.Cone(0.02, 2e-5), jaxrod.Rotation(), None),
@@ -246,6 +246,7 @@ def test_small_oscillations(case):
         check(omega(modes)[1:], [row["omega_1"], row["omega_2"]], 1e-12)
 
 
+@pytest.mark.slow
 @cases("free_spin_equilibrium")
 def test_free_spin_at_a_thousand_rad_per_s(case):
     i, o = case["inputs"], case["outputs"]
@@ -375,6 +376,7 @@ def end_of():
     return ends
 
 
+@pytest.mark.slow
 @cases("reduced_models")
 def test_reduced_models(case, end_of):
     """The strain left out, or in static balance with the same angular momentum: after 10 s and 150 rad."""

@@ -136,6 +136,7 @@ def test_exudyn_clamped_bar_on_higher_rungs():
     assert 2 * math.pi * float(exact) == pytest.approx(math.pi / 4 * math.sqrt(1e9 / 7850), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_sslv104_spinning_bar():
     """SSLV104: a steel bar of 0.5 m at 3000 rad/s, 0.014625 m longer if its own lengthening adds no load.
 
@@ -195,6 +196,7 @@ def placed(system, position, velocity):
     return jaxrod.State(*map(jnp.asarray, arrays))
 
 
+@pytest.mark.slow
 def test_swinging_spring_at_resonance():
     """Lynch (2002), Holm & Lynch (2002): stepwise precession of a spring that bounces twice a swing.
 
