@@ -46,11 +46,16 @@ from .section import Profile as Profile
 from .section import Steps as Steps
 from .section import Table as Table
 from .section import Uniform as Uniform
+from .simulation import Reversible as Reversible
 from .simulation import default_chart as default_chart
 from .simulation import default_solver as default_solver
 from .simulation import simulate as simulate
 from .solution import Solution as Solution
 from .statics import equilibrium as equilibrium
+from .symplectic import ABA864 as ABA864
+from .symplectic import BlanesMoan4 as BlanesMoan4
+from .symplectic import BlanesMoan6 as BlanesMoan6
+from .symplectic import StormerVerlet as StormerVerlet
 from .system import System as System
 
 __version__: str

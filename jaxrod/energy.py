@@ -32,6 +32,11 @@ def kinetic_embedded(body: Projection, dq) -> Float[Array, ""]:
     return body.mass_matrix[0, 0] * (dq @ dq) / 2
 
 
+def kinetic_momentum(body, a, square) -> Float[Array, ""]:
+    """Of turning, by the square of the angular momentum: K = l^2 / (2 z^T M z)."""
+    return square / (2 * body.inertia(a))
+
+
 def kinetic_center(body: Projection, dcenter) -> Float[Array, ""]:
     """The first term of (6): 1/2 m v_C^2."""
     return body.mass * (dcenter @ dcenter) / 2
@@ -44,7 +49,20 @@ def elastic(body: Projection, a) -> Float[Array, ""]:
     return body.rigidity @ body.law(body.field(a))
 
 
-def gravity_pivoted(body: Projection, g, a, d) -> Float[Array, ""]:
+def elastic_embedded(body: Projection, q) -> Float[Array, ""]:
+    """The strain energy in q = (1 + eps) d: 1/2 c l0^2 (|q| - 1)^2."""
+    strain = jnp.sqrt(q @ q) - 1
+    if body.law is None:
+        return body.stiffness_matrix[0, 0] * strain**2 / 2
+    return body.rigidity @ body.law(strain[None])
+
+
+def gravity_embedded(body: Projection, g, q) -> Float[Array, ""]:
+    """(15), corrected, in q = (1 + eps) d: V = m g x_C q_y."""
+    return body.first_moments[0] * _potential(g, q)
+
+
+def gravity_pivoted(body, g, a, d) -> Float[Array, ""]:
     """(15), corrected: V = m g x_C (1 + eps) sin psi, zero at the pivot.  (The paper writes l0/2 for x_C.)"""
     return body.moment(a) * _potential(g, d)
 

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from . import energy
 from .chart import AbstractChart
 from .force import AbstractForce
+from .lanes import depends_on_first
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 from .motion import AbstractMotion, Placement, State
 from .projection import Projection
@@ -40,6 +41,21 @@ class Scene(eqx.Module):
         """Power in W of the forces in a virtual velocity."""
         powers = [force.power(t, state, virtual, self.body) for force in self.forces]
         return sum(powers, jnp.zeros_like(state.turns))
+
+
+    @property
+    def rate_dependent(self) -> bool:
+        """Whether a force depends on rates or on full turns, as far as its program shows."""
+        zero, a = jnp.zeros(()), jnp.zeros(self.body.stiffness_matrix.shape[0])
+        d = jnp.zeros(self.motion.dimension).at[0].set(1.0)
+
+        def power(rates, place, virtual):
+            direction_rate, amplitude_rates, turns = rates
+            state = State(place.direction, direction_rate, place.amplitudes, amplitude_rates, turns)
+            return self.power(zero, state, virtual)
+
+        place = Placement(d, a, None)
+        return depends_on_first(power, (d, a, zero), place, place)
 
 
 class AbstractEquations(eqx.Module):

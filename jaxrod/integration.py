@@ -18,6 +18,7 @@ from .projection import Projection
 from .result import Result
 from .rod import Rod
 from .solution import Solution
+from .symplectic import AbstractSymplectic, SplitTerm
 from .system import System
 from .tracking import Tracked, Tracking
 
@@ -41,22 +42,28 @@ def integrate(
     else:
         given = system
     t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
+    split = system.split(start, t0) if isinstance(solver, AbstractSymplectic) else None
     equations = system if chart is None else system.equations(chart)
-    y0 = Tracked(
-        phase=start if chart is None else equations.encode(t0, start),
-        remainder=None,
-        turns=None if chart is None or chart.counts_turns else start.turns,
-    )
-    if t0.dtype == jnp.float32:
+    if split is not None:
+        term, phase = SplitTerm(split), split.encode(start)
+        counted = phase.q is not None
+    else:
+        term, phase = diffrax.ODETerm(_Flow(equations)), start if chart is None else equations.encode(t0, start)
+        counted = chart is not None and not chart.counts_turns
+    y0 = Tracked(phase, remainder=None, turns=start.turns if counted else None)
+    if t0.dtype == jnp.float32 and split is None:
         y0 = y0._replace(remainder=jax.tree.map(jnp.zeros_like, y0.phase))
-    terms = Tracked(diffrax.ODETerm(_Flow(equations)), diffrax.ODETerm(_idle), diffrax.ODETerm(_idle))
+    terms = Tracked(term, diffrax.ODETerm(_idle), diffrax.ODETerm(_idle))
 
     def decode(t, y):
-        if chart is None:
-            return y.phase
-        return equations.decode(t, y.phase.q, y.phase.v, 0.0 if y.turns is None else y.turns)
+        turns = 0.0 if y.turns is None else y.turns
+        if split is not None:
+            return split.decode(t, y.phase, turns)
+        return y.phase if chart is None else equations.decode(t, y.phase.q, y.phase.v, turns)
 
-    margin = None if chart is None or system.basis.n == 0 else _Margin.of(system, equations)
+    margin = None
+    if isinstance(system, System) and system.basis.n:
+        margin = _Margin.of(system, equations)
     if n_steps is not None:
         stepsize_controller = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
     elif stepsize_controller is None and dt0 is not None:
@@ -87,7 +94,7 @@ def integrate(
         result=_result(raw, _finite(last), room, valid, event is not None),
         stats=stats,
         system=given,
-        method=", ".join(type(x).__name__ for x in (solver, chart) if x is not None),
+        method=", ".join(type(x).__name__ for x in (solver, split or chart) if x is not None),
     )
 
 
@@ -108,13 +115,13 @@ class _Margin(eqx.Module):
     critical: Float[Array, ""] | None  # square of the rate beyond which no static strain holds, of `QuasiStatic`
 
     @staticmethod
-    def of(system: System, equations: Moving | Condensed) -> "_Margin":
-        critical = None
+    def of(system: System, equations: System | Moving | Condensed) -> "_Margin":
+        critical, body = None, None if system.basis.uniform else system.body
         if isinstance(equations, Condensed):
             critical = critical_square(equations.scene.body)
             if isinstance(system.rod, Rod):  # every rung is stiffer than the rod
                 critical = jnp.minimum(critical, jax.lax.stop_gradient(continuum.critical_rate(system)) ** 2)
-        return _Margin(None if system.basis.uniform else equations.scene.body, critical)
+        return _Margin(body, critical)
 
     def __call__(self, state: State) -> Float[Array, " 3"]:
         strain = state.amplitudes if self.body is None else self.body.field(state.amplitudes)

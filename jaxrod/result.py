@@ -17,6 +17,10 @@ class Result(eqx.Enumeration):
         "the motion grew beyond every bound, or its time scale shrank to nothing; with a fixed step, take a smaller one"
     )
     max_steps = "the run stopped at max_steps before its end; raise max_steps, loosen the tolerance or shorten the run"
+    coarse = (
+        "a step turned the rod by more than half a right angle: steps of this size are too long for its motion; take more "
+        "n_steps=, or solver=diffrax.Dopri8(), which adapts them"
+    )
     non_finite = "the numbers stopped being finite; with a fixed step, take a smaller one"
     past_critical = (
         "the rod turned faster than any static strain can hold: beyond its critical rate there is no QuasiStatic motion; "

@@ -6,6 +6,7 @@ held 10^4 times below it: about ten steps a period, 1,000 periods.  In float32 t
 top, up to 6e-7 for each radian turned.
 """
 
+import dataclasses
 from typing import Any
 
 import diffrax
@@ -20,8 +21,10 @@ from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, Flight, State
-from .result import SimulationError
+from .result import Result, SimulationError
 from .solution import Solution
+from .stepping import best_solver, step_through
+from .symplectic import AbstractSymplectic
 from .system import System
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
@@ -31,9 +34,20 @@ _LEAST_LOCAL = {"float64": 7e-15, "float32": 3e-8}  # below it rounding is all t
 
 
 def default_solver(system: System | Lagrangian) -> diffrax.AbstractSolver:
-    """The solver that `simulate` takes when none is given: Dormand and Prince's method of order 8."""
-    del system
-    return diffrax.Dopri8()
+    """The solver that `simulate` takes when none is given; `sol.stats["why"]` says why.
+
+    A symplectic one of fixed steps where the scene can be cut into exact flows: `BlanesMoan6` for uniform strain, rigid
+    and driven rods, `ABA864` for more strain shapes.  Else, as where forces depend on rates, the adaptive `Dopri8`.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
+    >>> for basis in (jaxrod.Ritz(1), jaxrod.Ritz(3), jaxrod.QuasiStatic(jaxrod.Ritz(1))):
+    ...     print(type(jaxrod.default_solver(jaxrod.System(rod, jaxrod.Rotation(), basis))).__name__)
+    BlanesMoan6
+    ABA864
+    Dopri8
+    """
+    return best_solver(system)[0] if isinstance(system, System) else diffrax.Dopri8()
 
 
 def default_chart(system: Any) -> AbstractChart:
@@ -114,8 +128,7 @@ def simulate(
             f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
         )
     if isinstance(start, State):
-        chart = default_chart(system) if chart is None else chart
-        _check_start(system, start, chart)
+        _check_start(system, start)
     else:
         start = Phase(*(jnp.asarray(x, dtype) for x in start))
 
@@ -125,17 +138,98 @@ def simulate(
     if tolerance is not None and given:
         raise ValueError(f"tolerance={tolerance} chooses solver and steps itself; leave out {', '.join(given)}.")
     atol = _step_tolerance(tolerance, dtype)
-    solver = default_solver(system) if solver is None else solver
-    _check_steps(solver, stepsize_controller, dt0, n_steps)
-    solution = integrate(
-        system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event,
-        diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
-        diffrax.NoProgressMeter() if progress_meter is None else progress_meter,
-        max_steps,
-    )  # fmt: skip
+
+    def adapt(solver, why):
+        _check_steps(solver, stepsize_controller, dt0, n_steps)
+        fitting = None if isinstance(solver, AbstractSymplectic) else chart
+        if isinstance(start, State) and fitting is None and not isinstance(solver, AbstractSymplectic):
+            fitting = default_chart(system)
+        if fitting is not None:
+            system.check_chart(fitting)
+        return _explained(
+            integrate(
+                system, start, fitting, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event,
+                diffrax.RecursiveCheckpointAdjoint() if adjoint is None or isinstance(adjoint, Reversible) else adjoint,
+                diffrax.NoProgressMeter() if progress_meter is None else progress_meter,
+                max_steps,
+            ),
+            why,
+        )  # fmt: skip
+
+    # Equal steps from save time to save time need nothing of Diffrax; what does goes through Diffrax.
+    plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
+    plain = plain and (adjoint is None or isinstance(adjoint, Reversible | diffrax.ForwardMode))
+    best, why = best_solver(system) if isinstance(system, System) else (diffrax.Dopri8(), "adaptive, for any Lagrangian")
+    if solver is None and not (plain and chart is None):
+        best, why = diffrax.Dopri8(), "adaptive, as a chart, steps, saveat, event, adjoint or meter was given"
+    chosen, why = (best, why) if solver is None else (solver, "as given")
+    if isinstance(chosen, AbstractSymplectic):
+        _check_split(system, chosen, chart)
+    elif isinstance(adjoint, Reversible):
+        raise ValueError(f"adjoint=Reversible() runs symplectic solvers backwards, not {type(chosen).__name__}.")
+    if isinstance(chosen, AbstractSymplectic) and plain:
+        solution = _explained(_step(system, start, t0, t1, ts, chosen, n_steps, tolerance, max_steps, adjoint), why)
+        failed = checks.fails(lambda ok: ok, solution.ok)
+        if solver is None and n_steps is None and failed and not bool(solution.result == Result.invalid):
+            solution = adapt(diffrax.Dopri8(), f"adaptive, as equal steps ended with: {Result[solution.result]}")
+    else:
+        solution = adapt(chosen, why)
     if throw and checks.known(solution.stats["num_steps"]) and not np.all(solution.ok):
         raise SimulationError(solution.complaint(), solution)
     return solution
+
+
+class Reversible(eqx.Module):
+    """The reverse derivative of a symplectic run, by running it backwards: exact to rounding, in memory that does not
+    grow with the number of steps.  The default of symplectic solvers, which have no forward derivative with it."""
+
+
+@jax.tree_util.register_pytree_node_class
+class Reason(str):
+    """A sentence that travels through transformations."""
+
+    def tree_flatten(self):
+        return (), str(self)
+
+    @classmethod
+    def tree_unflatten(cls, sentence, _):
+        return cls(sentence)
+
+
+def _explained(solution: Solution, why: str) -> Solution:
+    return dataclasses.replace(solution, stats={**solution.stats, "why": Reason(why)})
+
+
+def _step(system, start, t0, t1, ts, solver, n_steps, tolerance, max_steps, adjoint) -> Solution:
+    if tolerance is None:
+        tolerance = _DEFAULT_TOLERANCE[jnp.dtype(t0.dtype).name]
+    ends = t1[None] if ts is None else ts
+    even = ends.size == 1 or _even(t0, ends)
+    backwards = not isinstance(adjoint, diffrax.ForwardMode)
+    tolerance = jnp.asarray(tolerance, t0.dtype)
+    return step_through(system, start, t0, ends, solver, n_steps, tolerance, even, max_steps, backwards)
+
+
+def _even(t0, ts) -> bool:
+    """Whether save times are known to be equally spaced, from t0 or from the first."""
+    if not (checks.known(t0) and checks.known(ts)):
+        return False
+    legs = np.diff(np.asarray(ts), prepend=np.asarray(t0))
+    legs = legs[1:] if legs[0] == 0 else legs
+    return bool(np.ptp(legs) <= 1e-9 * np.abs(np.asarray(ts)).max()) if ts.dtype == np.float64 else False
+
+
+def _check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | None) -> None:
+    name = type(solver).__name__
+    if not isinstance(system, System) or system.unsplit:
+        why = system.unsplit if isinstance(system, System) else "it is any Lagrangian"
+        raise ValueError(f"solver={name}() cannot step this scene: {why}; take solver=diffrax.Dopri8().")
+    if chart is not None:
+        raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={chart!r}.")
+    if solver.needs_nystrom and system.basis.n and not (system.splits_flat or isinstance(system.motion, Driven)):
+        raise ValueError(
+            f"solver={name}() keeps its order for uniform strain, rigid and driven rods alone; take ABA864() or BlanesMoan4()."
+        )
 
 
 def _times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
@@ -195,8 +289,7 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps) -> None:
         raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
 
 
-def _check_start(system: Any, start: State, chart: AbstractChart) -> None:
-    system.check_chart(chart)
+def _check_start(system: Any, start: State) -> None:
     dimension, n, flight = system.motion.dimension, system.basis.n, isinstance(system.motion, Flight)
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(

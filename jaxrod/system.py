@@ -17,6 +17,7 @@ from .lagrangian import Lagrangian
 from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, heading
 from .projection import Projection
 from .rod import Lumped, Rod
+from .splitting import AbstractSplit, Axial, Flat, Prescribed
 
 
 class System(eqx.Module):
@@ -310,6 +311,40 @@ class System(eqx.Module):
         self.check_chart(chart)
         kind = Condensed if isinstance(self.basis, QuasiStatic) else Moving
         return kind(self._scene, chart)
+
+    def split(self, start: State, t0=0.0) -> AbstractSplit:
+        """The flows that symplectic solvers compose, for a run from `start`.
+
+        `Flat` where the strain is uniform, `Prescribed` where the rotation is driven, else `Axial`.
+
+        **Raises:** `ValueError` where `splits` is not empty.
+        """
+        if self.unsplit:
+            raise ValueError(f"a symplectic solver cannot step this scene: {self.unsplit}; take solver=diffrax.Dopri8().")
+        if isinstance(self.motion, Driven):
+            return Prescribed(self._scene, t0, start)
+        return (Flat if self.splits_flat else Axial)(self._scene, t0, start)
+
+    @property
+    def splits_flat(self) -> bool:
+        """Whether `split` is `Flat`: the strain is uniform, and 1 + eps would not cost float32 its digits."""
+        hooke = isinstance(self.rod, Lumped) or self.rod.linear
+        return self.flat and not (hooke and checks.float_type(self) == jnp.float32)
+
+    @property
+    def unsplit(self) -> str:
+        """Why this scene has no split; empty if it has one."""
+        if isinstance(self.basis, QuasiStatic):
+            return "the strain of QuasiStatic is no motion of its own"
+        if self.forces and self._scene.rate_dependent:
+            return "its forces depend on rates, or on full turns"
+        if self.forces and self._free:
+            return "its forces act on a rod in flight"
+        if isinstance(self.rod, Rod) and not self.rod.linear and not self.flat:
+            return "its strain law is not linear"
+        if isinstance(self.motion, Driven) and not self.basis.n:
+            return "nothing moves in it but what is driven"
+        return ""
 
     def lagrangian(self, chart: AbstractChart) -> Lagrangian:
         """The Lagrangian of this scene in the coordinates of `chart`, with its generalized forces.

@@ -75,7 +75,7 @@ class Tracking(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
             increment = phase
             phase = jax.tree.map(jnp.add, base, increment)
             remainder = jax.tree.map(_cut_off, base, increment, phase)
-        turns = None if y0.turns is None else y0.turns + _passed(y0.phase.q, phase.q)
+        turns = None if y0.turns is None else y0.turns + passed(y0.phase.q, phase.q)
         y1 = Tracked(phase, remainder, turns)
         idle = jax.tree.map(jnp.zeros_like, y0)
         error = None if error is None else Tracked(error, idle.remainder, idle.turns)
@@ -102,7 +102,7 @@ class _Interpolation(diffrax.AbstractLocalInterpolation):
         phase = self.inner.evaluate(t0, left=left)
         if self.y0.remainder is not None:
             phase = jax.tree.map(jnp.add, self.y0.phase, phase)
-        turns = None if self.y0.turns is None else self.y0.turns + _passed(self.y0.phase.q, phase.q)
+        turns = None if self.y0.turns is None else self.y0.turns + passed(self.y0.phase.q, phase.q)
         return Tracked(phase, jax.tree.map(jnp.zeros_like, self.y0.remainder), turns)
 
 
@@ -132,7 +132,9 @@ def _cut_off(a, b, total):
     return (a - (total - of_b)) + (b - of_b)
 
 
-def _passed(before: Float[Array, " N"], after: Float[Array, " N"]) -> Float[Array, ""]:
-    """How often (+1, 0, -1) the angle passes +-pi between two positions less than half a turn apart."""
-    swept = jnp.arctan2(after[1], after[0]) - jnp.arctan2(before[1], before[0])
-    return jax.lax.stop_gradient(-jnp.round(swept / (2 * jnp.pi)))
+def passed(before: Any, after: Any) -> Float[Array, ""]:
+    """How often (+1, 0, -1) the angle of the first two coordinates passes +-pi on the straight way between them."""
+    x0, y0, x1, y1 = before[0], before[1], after[0], after[1]
+    area = x0 * y1 - x1 * y0  # its sign tells on which side of the origin the way passes
+    up, down = (y0 < 0) & (y1 >= 0) & (area < 0), (y0 >= 0) & (y1 < 0) & (area > 0)
+    return jax.lax.stop_gradient(jnp.where(down, 1.0, jnp.where(up, -1.0, 0.0)).astype(jnp.result_type(x0)))

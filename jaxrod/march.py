@@ -1,0 +1,145 @@
+"""Equal steps of a symplectic solver from one save time to the next, and their derivative by running them backwards.
+
+A symmetric method undoes its own steps: the step by -h from where a step by h ended leads back to where it began, to
+rounding.  So the reverse derivative needs no stored states: its memory does not grow with the number of steps.
+"""
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from .splitting import AbstractSplit, Split
+from .symplectic import AbstractSymplectic
+from .tracking import passed
+
+COLLAPSED, DIVERGED, COARSE, NON_FINITE = 1, 2, 3, 4
+_LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
+
+
+class Walker(NamedTuple):
+    """A run on its way: phase, full turns made, why it stopped (0: it did not), and the time it reached."""
+
+    y: Split
+    turns: Float[Array, ""]
+    stopped: Int[Array, ""]
+    t: Float[Array, ""]
+
+
+class Route(eqx.Module):
+    """Save times `ends` (T,) after `start`, `counts` (T,) steps to each, and whether all steps are of one size."""
+
+    start: Float[Array, ""]
+    ends: Float[Array, " T"]
+    counts: Int[Array, " T"]
+    even: bool = eqx.field(static=True)
+
+
+def march(
+    solver: AbstractSymplectic, split: AbstractSplit, y0: Split, turns, route: Route, backwards: bool
+) -> tuple[Walker, Walker]:
+    """The walker at each of `route.ends`, stacked, and at last.  A run that stops stays where it was.
+
+    `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
+    """
+    start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start)
+    even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts), 1)
+    even = (even_h, split.table(solver, even_h)) if route.even else None
+    go = _walk_reversible if backwards else _walk
+
+    def leg(walker, ends):
+        begin, end, count = ends
+        h = (end - begin) / jnp.maximum(count, 1)
+        h, table = (h, split.table(solver, h)) if even is None else even
+        walker = go((split, table, begin, h, walker.y), solver, walker._replace(y=None), count)
+        return walker, walker
+
+    legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts)
+    last, saved = jax.lax.scan(leg, start, legs)
+    return saved, last
+
+
+def _walk(moving, solver: AbstractSymplectic, walker: Walker, count) -> Walker:
+    """`count` steps of one size; `moving` is (split, its table, time, step, phase)."""
+    split, table, begin, h, y = moving
+
+    def body(carry):
+        k, walker = carry
+        t = begin + k * h
+        walker = _watched(split, walker, t)
+        y = split.step(solver, table, t, h, walker.y)
+        if y.q is None:
+            return k + 1, walker._replace(y=y)
+        ahead = sum(a * b for a, b in zip(walker.y.q, y.q, strict=True))
+        sizes = sum(a * a for a in walker.y.q) * sum(b * b for b in y.q)
+        coarse = ~((ahead > 0) & (2 * ahead * ahead > sizes)) & (walker.stopped == 0)
+        turns = walker.turns + passed(walker.y.q, y.q)
+        return k + 1, walker._replace(y=y, turns=turns, stopped=jnp.where(coarse, COARSE, walker.stopped))
+
+    opened = walker._replace(y=split.opened(solver, table, h, y))
+    _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), opened))
+    end = begin + count * h
+    walker = _watched(split, walker, end)
+    y = split.closed(solver, table, h, walker.y)
+    return walker._replace(y=y, t=jnp.where(walker.stopped == 0, end, walker.t))
+
+
+def _watched(split: AbstractSplit, walker: Walker, t) -> Walker:
+    """The walker with the reason why it stops here, if it does.  What it does after that means nothing."""
+    lowest = split.lowest_strain(walker.y)
+    why = jnp.where(lowest > _LEAST_STRAIN, 0, COLLAPSED)
+    why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, DIVERGED)
+    why = jnp.where(jnp.isfinite(sum(jax.tree.leaves(walker.y))), why, NON_FINITE)
+    first = walker.stopped == 0
+    return walker._replace(stopped=jnp.where(first, why, walker.stopped), t=jnp.where(first, t, walker.t))
+
+
+_walk_reversible = eqx.filter_custom_vjp(_walk)
+
+
+def _there(perturbed, moving, solver, walker, count):
+    del perturbed
+    walker = _walk(moving, solver, walker, count)
+    return walker, walker
+
+
+def _and_back(arrived: Walker, gradient, perturbed, moving, solver, walker, count):
+    """The gradients of `moving`: each step is undone, then its derivative is taken where it began."""
+    del walker
+    split, table, begin, h, _ = moving
+    asked, rest = eqx.partition((split, table), jax.tree.map(bool, perturbed[:2]))
+    scale = jnp.where(arrived.stopped == 0, 1.0, 0.0)  # a run that stopped has no derivative
+    y_bar = jax.tree.map(
+        lambda x, bar: jnp.zeros_like(x) if bar is None else bar * scale.astype(x.dtype),
+        arrived.y, gradient.y, is_leaf=lambda x: x is None,
+    )  # fmt: skip
+
+    def step(asked, t, h, y):
+        split, table = eqx.combine(asked, rest)
+        return split.closed(solver, table, h, split.step(solver, table, t, h, split.opened(solver, table, h, y)))
+
+    back = split.table(solver, -h)
+
+    def step_back(t, y):
+        return split.closed(solver, back, -h, split.step(solver, back, t, -h, split.opened(solver, back, -h, y)))
+
+    def body(carry):
+        k, y, y_bar, sums = carry
+        k = k - 1
+        t = begin + k * h
+        y = step_back(t + h, y)
+        _, pull = jax.vjp(step, asked, t, h, y)
+        asked_bar, t_bar, h_bar, y_bar = pull(y_bar)
+        more = (asked_bar, t_bar, h_bar + k * t_bar)
+        return k, y, y_bar, jax.tree.map(jnp.add, sums, more)
+
+    sums = jax.tree.map(jnp.zeros_like, (asked, begin, h))
+    _, _, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, body, (count, arrived.y, y_bar, sums))
+    (split_bar, table_bar), begin_bar, h_bar = sums
+    return split_bar, table_bar, begin_bar, h_bar, y_bar
+
+
+_walk_reversible.def_fwd(_there)
+_walk_reversible.def_bwd(_and_back)

@@ -1,0 +1,119 @@
+"""One compiled run by equal steps of a symplectic solver, and how many of them an accuracy takes."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from .equations import eigenvalues
+from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
+from .motion import Driven, Flight, State
+from .result import Result
+from .solution import Solution
+from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
+from .system import System
+
+_FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
+_FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
+_LONGEST_TURN = 0.4  # rad in a step
+_OPEN_ENERGY = 100  # energy lost, in tolerances, above which steps were too long
+
+
+def best_solver(system: System) -> tuple[diffrax.AbstractSolver, str]:
+    """The solver for a scene, and why."""
+    if system.unsplit:
+        return diffrax.Dopri8(), f"adaptive, because {system.unsplit}"
+    if isinstance(system.motion, Driven):
+        return BlanesMoan6(), "symplectic, the oscillators of the strain exact"
+    if system.basis.n == 0:
+        return BlanesMoan6(), "symplectic, the turning of the rigid rod exact"
+    if system.splits_flat:
+        return BlanesMoan6(), "symplectic, as uniform strain makes the kinetic energy flat"
+    return ABA864(), "symplectic for small kicks, axial vibration and turning exact"
+
+
+def step_size(system: System, start: State, solver: AbstractSymplectic, tolerance, duration) -> Float[Array, ""]:
+    """Step in s with which the tip's relative error after 1,000 axial periods is about `tolerance`."""
+    body = system.body
+    turning = start.direction_rate @ start.direction_rate
+    if isinstance(system.motion, Driven):
+        turning = system.motion.turning(0.0)[1] ** 2
+    if system.gravity is not None and not isinstance(system.motion, Flight):
+        weight = jnp.sqrt(jnp.sum(system.gravity**2))
+        turning = turning + 4 * jnp.abs(weight * body.first_moments[0]) / body.mass_matrix[0, 0]
+    turning = jax.lax.stop_gradient(turning + 1 / duration**2)
+    finer = (tolerance / 1e-8) ** (1 / 6)
+    axial = turning if system.basis.n == 0 else eigenvalues(body)[0]
+    if isinstance(solver, ABA864) and system.basis.n:
+        kicks = turning / axial
+        phase = jnp.minimum(_FINEST_SMALL_KICKS * finer * kicks ** (-1 / 6), 1.0)
+        step = phase / jnp.sqrt(axial + turning)
+    else:
+        rate = turning if system.basis.n == 0 else turning + axial
+        step = _FINEST * finer / jnp.sqrt(rate)
+    return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
+
+
+@eqx.filter_jit
+def step_through(system, start, t0, ts, solver, n_steps, tolerance, even, max_steps, backwards) -> Solution:
+    """A run that saves at `ts` (T,): by `n_steps` equal steps in all, or by as many as `tolerance` takes."""
+    given, given_ts = system, ts
+    valid = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0) & system.valid(start)
+    # An invalid scene is run with ones for all its numbers, and one step: its own would keep its neighbours waiting.
+    system, start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), (system, start))
+    ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
+    counts, enough = _counts(system, start, t0, ts, solver, n_steps, tolerance, even, max_steps)
+    counts = jnp.where(valid, counts, 0)
+
+    split = system.split(start, t0)
+    saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, even), backwards)
+    states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
+    reached = (saved.stopped == 0) & valid & enough
+    code = Result.where(last.stopped == COLLAPSED, Result.collapsed, Result.ok)
+    for stopped, why in ((DIVERGED, Result.diverged), (COARSE, Result.coarse), (NON_FINITE, Result.non_finite)):
+        code = Result.where(last.stopped == stopped, why, code)
+    code = Result.where((code == Result.ok) & ~jnp.all(enough), Result.max_steps, code)
+    lost = _energy_lost(system, start, states[-1])
+    open_energy = _OPEN_ENERGY * tolerance if n_steps is None else 0.1
+    code = Result.where((code == Result.ok) & (lost > open_energy), Result.coarse, code)
+    states = jax.tree.map(lambda x: jnp.where(reached.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
+    steps = jnp.sum(counts)
+    end = jnp.where(jnp.all(enough), last.t, t0 + jnp.sum(jnp.where(enough, jnp.diff(ts, prepend=t0), 0.0)))
+    return Solution(
+        ts=jnp.where(reached, ts, jnp.nan) if ts.size == 1 else given_ts,
+        states=states,
+        result=Result.where(valid, code, Result.invalid),
+        stats={
+            "num_steps": steps, "num_accepted_steps": steps, "num_rejected_steps": jnp.zeros_like(steps), "t_end": end,
+        },  # fmt: skip
+        system=given,
+        method=f"{type(solver).__name__}, {type(split).__name__}",
+    )
+
+
+def _counts(
+    system, start, t0, ts, solver, n_steps, tolerance, even, max_steps
+) -> tuple[Int[Array, " T"], Bool[Array, " T"]]:
+    """Steps to each save time, and whether they are within `max_steps`."""
+    legs = jnp.diff(ts, prepend=t0)
+    if n_steps is not None:
+        size = (ts[-1] - t0) / n_steps
+    else:
+        size = step_size(system, start, solver, tolerance, ts[-1] - t0)
+    counts = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
+    if even:  # one size for all
+        counts = jnp.where(legs > 0, jnp.max(counts), 0.0)
+    enough = jnp.cumsum(counts) <= max_steps
+    return jnp.where(enough, counts, 0).astype(jnp.int32), enough
+
+
+def _energy_lost(system: System, start: State, end: State) -> Float[Array, ""]:
+    """Change of the energy of a run over what moves in it; zero where it need not keep its energy."""
+    if system.forces or isinstance(system.motion, Driven):
+        return jnp.zeros_like(start.turns)
+    parts = [system.kinetic_energy, system.elastic_energy, system.gravity_energy]
+    before, after = ([part(state) for part in parts] for state in (start, end))
+    size = sum(abs(x) for x in (*before, *after))
+    lost = abs(sum(after) - sum(before)) / jnp.where(size > 0, size, 1.0)
+    return jax.lax.stop_gradient(lost)

@@ -1,0 +1,162 @@
+"""Symplectic solvers: symmetric compositions of drift and kick, from lists of coefficients with their sources.
+
+Each is a Diffrax solver for the term that `System.split` makes, of fixed steps; saving, events and progress meters are
+Diffrax's.  Inside a step the state is that of the same method with a shorter step, so dense output is of full order.
+"""
+
+from typing import Any, ClassVar
+
+import diffrax
+import jax
+
+from .splitting import AbstractSplit
+
+
+class SplitTerm(diffrax.AbstractTerm):
+    """The term that carries a split to its solver."""
+
+    split: AbstractSplit
+
+    def vf(self, t, y, args):
+        raise TypeError("a split has flows, not one vector field; take a symplectic solver, such as BlanesMoan6().")
+
+    def contr(self, t0, t1, **kwargs):
+        return t1 - t0
+
+    def prod(self, vf, control):
+        raise TypeError("a split has flows, not one vector field; take a symplectic solver, such as BlanesMoan6().")
+
+
+class AbstractSymplectic(diffrax.AbstractSolver):
+    """drift(a_0 h) kick(b_1 h) drift(a_1 h) ... kick(b_s h) drift(a_s h), the same backwards."""
+
+    term_structure: ClassVar = SplitTerm
+
+    accuracy: ClassVar[int]  # its order
+    needs_nystrom: ClassVar[bool] = False  # whether the order holds for Runge-Kutta-Nystrom splits alone
+    first_drifts: ClassVar[tuple[float, ...]]  # the first half; a last one is set so that all make 1
+    first_kicks: ClassVar[tuple[float, ...]]
+
+    @property
+    def drifts(self) -> tuple[float, ...]:
+        """a_0 .. a_s."""
+        return _whole(self.first_drifts, self._stages + 1)
+
+    @property
+    def kicks(self) -> tuple[float, ...]:
+        """b_1 .. b_s."""
+        return _whole(self.first_kicks, self._stages)
+
+    @property
+    def _stages(self) -> int:
+        return len(self.first_drifts) + len(self.first_kicks) + 1
+
+    @property
+    def stages(self) -> list[tuple[float, float, float]]:
+        """Kick, the time passed before it, and the drift after it; the last with the first of the next step."""
+        drifts, found, passed = self.drifts, [], 0.0
+        for before, kick, after in zip(drifts, self.kicks, (*drifts[1:-1], 2 * drifts[0]), strict=False):
+            passed += before
+            found.append((kick, passed, after))
+        return found
+
+    @property
+    def halves(self) -> list[tuple[float, float]]:
+        """Each kick as the second half of a first-order step and the first of the next, backwards (McLachlan 1995).
+
+        A kick of two parts that do not commute goes through them in one order for the first, in the other for the second.
+        """
+        found, before = [], self.drifts[0]
+        for drift, kick in zip(self.drifts[1:], self.kicks, strict=True):
+            found.append((before, kick - before))
+            before = drift - (kick - before)
+        return found
+
+    @property
+    def interpolation_cls(self):
+        return ShorterStep
+
+    def order(self, terms):
+        return self.accuracy
+
+    def init(self, terms, t0, t1, y0, args):
+        return None
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        del args, made_jump
+        h = t1 - t0
+        y1 = single_step(self, terms.split, t0, h, y0)
+        return y1, None, {"y0": y0, "split": terms.split, "solver": self}, solver_state, diffrax.RESULTS.successful
+
+    def func(self, terms, t0, y0, args):
+        return jax.tree.map(lambda x: 0 * x, y0)
+
+
+def single_step(solver: AbstractSymplectic, split: AbstractSplit, t, h, y):
+    """A step from y to y."""
+    table = split.table(solver, h)
+    return split.closed(solver, table, h, split.step(solver, table, t, h, split.opened(solver, table, h, y)))
+
+
+class ShorterStep(diffrax.AbstractLocalInterpolation):
+    """Between t0 and t1: a step of the solver from t0 that ends there."""
+
+    t0: Any
+    t1: Any
+    y0: Any
+    split: AbstractSplit
+    solver: AbstractSymplectic
+
+    def evaluate(self, t0, t1=None, left=True):
+        if t1 is not None:
+            return jax.tree.map(lambda b, a: b - a, self.evaluate(t1), self.evaluate(t0))
+        return single_step(self.solver, self.split, self.t0, t0 - self.t0, self.y0)
+
+
+class StormerVerlet(AbstractSymplectic):
+    """Order 2, one kick: half a drift, kick, half a drift."""
+
+    accuracy: ClassVar = 2
+    first_drifts: ClassVar = ()
+    first_kicks: ClassVar = ()
+
+
+class BlanesMoan4(AbstractSymplectic):
+    """Order 4, six kicks.  Blanes, Moan (2002), J. Comput. Appl. Math. 142, 313: S6."""
+
+    accuracy: ClassVar = 4
+    first_drifts: ClassVar = (0.0792036964311957, 0.353172906049774, -0.0420650803577195)
+    first_kicks: ClassVar = (0.209515106613362, -0.143851773179818)
+
+
+class BlanesMoan6(AbstractSymplectic):
+    """Order 6, fourteen kicks, for Runge-Kutta-Nystrom splits.  Blanes, Moan (2002): SRKN14a."""
+
+    accuracy: ClassVar = 6
+    needs_nystrom: ClassVar = True
+    first_drifts: ClassVar = (
+        0.0378593198406116, 0.102635633102435, -0.0258678882665587, 0.314241403071447, -0.130144459517415,
+        0.106417700369543, -0.00879424312851058,
+    )  # fmt: skip
+    first_kicks: ClassVar = (
+        0.09171915262446165, 0.183983170005006, -0.05653436583288827, 0.004914688774712854, 0.143761127168358,
+        0.328567693746804,
+    )  # fmt: skip
+
+
+class ABA864(AbstractSymplectic):
+    """Seven kicks, for splits whose kicks are small: orders 8, 6, 4 in their first, second and higher powers.
+
+    Blanes, Casas, Farres, Laskar, Makazaga, Murua (2013), Appl. Numer. Math. 68, 58: ABA864.
+    """
+
+    accuracy: ClassVar = 4
+    first_drifts: ClassVar = (0.07113342649822312, 0.2411534279566401, 0.5214117617728147)
+    first_kicks: ClassVar = (0.18308368747219722, 0.3107828598985748, -0.0265646185119588)
+
+
+def _whole(first: tuple[float, ...], count: int) -> tuple[float, ...]:
+    """A palindrome of `count` numbers that add up to 1; those in the middle are what is missing."""
+    missing = 1 - 2 * sum(first)
+    middle = (missing,) if count % 2 else (missing / 2, missing / 2)
+    return (*first, *middle, *reversed(first))
