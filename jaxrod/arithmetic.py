@@ -18,11 +18,12 @@ class _Multiple(NamedTuple):
 class Arithmetic:
     """Operations on numbers: as written, but for what XLA would not see to.
 
-    Nothing is added or multiplied that is zero by structure, as derivatives of slices are; equal products are one; all
-    quotients by one number share its inverse, as a division costs eight multiplications.
+    Nothing is added or multiplied that is zero by structure, as derivatives of slices are; equal sums and products are
+    one; all quotients by one number share its inverse, as a division costs eight multiplications.
     """
 
     def __init__(self):
+        self._sums: dict[Any, Any] = {}
         self._products: dict[Any, Any] = {}
         self._inverses: dict[int, Any] = {}
 
@@ -56,7 +57,12 @@ class Arithmetic:
         (m, x), (n, y) = _parts(a), _parts(b)
         if x is y:
             return _multiple(m + n, x) if x is None or _binary(m + n) else plain(a) + plain(b)
-        return plain(a) - y if n == -1.0 and y is not None else plain(a) + plain(b)
+        if x is None or y is None:
+            return plain(a) + plain(b)
+        key = frozenset(((m, id(x)), (n, id(y))))
+        if key not in self._sums:
+            self._sums[key] = (plain(a) - y if n == -1.0 else plain(a) + plain(b), x, y)
+        return self._sums[key][0]
 
     def product(self, a, b):
         if _is(a, 0.0) or _is(b, 0.0):

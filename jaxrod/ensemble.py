@@ -1,30 +1,56 @@
-"""Many scenes."""
+"""Many scenes on all cores: short blocks of them side by side, in memory that does not grow with their number.
+
+Each scene is a lane of the vectors that the compiled loop works on.  The program is 64 lanes wide, whatever the block and
+the number of scenes, so that a scene is computed by the same instructions wherever it stands.  Blocks follow one another
+within a call, and calls go to all devices at once (`configure` shows JAX one device a core).
+"""
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
+from tqdm import tqdm
 
-from . import checks
+from . import checks, configuration
 from .result import Result
 
+_LANES = 64  # of every program: eight of the widest registers, which is what hides their latency
+_BLOCKS = 16  # in one call: its overhead is spread over them, and the progress bar still moves
 
-def sweep(fn: Callable[[PyTree[Array]], PyTree[Array]], inputs: PyTree[Array], *, block: int = 64) -> PyTree[Array]:
-    """`jax.vmap(fn)(inputs)`, in blocks: memory grows with the block and the answers, not with the runs inside.
+
+def sweep(
+    fn: Callable[[PyTree[Array]], PyTree[Array]],
+    inputs: PyTree[Array],
+    *,
+    block: int = 64,
+    order_by: Any = None,
+    devices: int | None = None,
+    progress: bool | None = None,
+) -> PyTree[Array]:
+    """`jax.vmap(fn)(inputs)`, in blocks on all cores.  The same bits whatever block, order, devices and neighbours.
 
     **Arguments:**
 
     - `fn`: from one input to a pytree of arrays, such as `{"strain": sol.strain.max(), "result": sol.result}`.
     - `inputs`: a pytree of arrays with one leading axis, the scenes.
-    - `block`: scenes computed side by side.  A block takes as long as its slowest scene.
+    - `block`: scenes computed side by side, at most 64 (more are several blocks).  A block takes as long as its slowest
+      scene, and a short one as long as a full one.
+    - `order_by`: predicted cost of each scene, an array or a function of one input; those of like cost share a block.
+    - `devices`: how many of JAX's devices to use; all, if left out.
+    - `progress`: a bar with rate and remaining time; if left out, on a terminal and for sweeps of more than two seconds.
 
-    **Returns:** the answers of `fn` with a leading axis.
+    **Returns:** the answers of `fn` with a leading axis, in the order of `inputs`.
 
     **Warns** with the count of scenes whose `result` is not ok, and of answers that are not finite.
+
+    Memory is that of `inputs`, the answers, and one call of 16 blocks on each device.  Under `jax.jit` and other
+    transformations a sweep is `jax.lax.map` in blocks.
 
     >>> import jax.numpy as jnp, jaxrod
     >>> print(jaxrod.sweep(lambda x: x**2, jnp.arange(4.0), block=3))
@@ -35,22 +61,107 @@ def sweep(fn: Callable[[PyTree[Array]], PyTree[Array]], inputs: PyTree[Array], *
         raise ValueError(
             f"inputs have leading axes {sorted(sizes)}; give arrays of one common length, one entry a scene."
         )
-    if block < 1:
+    if block < 1 or int(block) != block:
         raise ValueError(f"block={block} must be a positive whole number of scenes.")
-    out = _blocks(fn, jax.tree.map(jnp.asarray, inputs), block)
+    if not all(map(checks.known, jax.tree.leaves((fn, inputs)))):
+        return jax.lax.map(fn, inputs, batch_size=block)
+    workers = _workers(devices)
+    configuration.complain_once()
+    inputs = jax.tree.map(_on_host, inputs)
+    scenes = next(iter(sizes))[0]
+    order = _order(order_by, inputs, scenes)
+
+    mesh = Mesh(np.array(jax.local_devices()), ("cores",))  # all: with fewer the program would be another one
+    spread = NamedSharding(mesh, PartitionSpec("cores"))
+    block, out = min(block, _LANES), None
+    size = workers * _BLOCKS * block
+    with tqdm(total=scenes, unit=" scenes", delay=2, disable=None if progress is None else not progress) as bar:
+        for begin in range(0, scenes, size):
+            picked = order[begin : begin + size]
+            lanes, counts, places = _dealt(picked.size, block, workers, mesh.size)
+            part = jax.tree.map(lambda x, at=picked[lanes]: x[at], inputs)
+            answers = _call(fn, *jax.device_put((part, counts), spread), mesh)
+            if out is None:
+                out = jax.tree.map(lambda x: np.empty((scenes, *x.shape[1:]), x.dtype), answers)
+            jax.tree.map(lambda x, answer, at=picked, of=places: _store(x, at, answer, of), out, answers)
+            bar.update(picked.size)
+    out = jax.tree.map(jnp.asarray, out)
     _warn(out)
     return out
 
 
+def _workers(count: int | None) -> int:
+    found = jax.local_device_count()
+    if count is None:
+        return found
+    if not 1 <= count <= found:
+        raise ValueError(
+            f"devices={count} are not there, JAX has {found}; call jaxrod.configure(devices={count}) before anything "
+            "else touches JAX."
+        )
+    return count
+
+
+def _on_host(x: Any) -> Any:
+    return x if jnp.issubdtype(jnp.result_type(x), jax.dtypes.prng_key) else np.asarray(jnp.asarray(x))
+
+
+def _order(order_by: Any, inputs, scenes: int) -> np.ndarray:
+    if order_by is None:
+        return np.arange(scenes)
+    cost = np.asarray(jax.jit(jax.vmap(order_by))(inputs) if callable(order_by) else order_by)
+    if cost.shape != (scenes,):
+        raise ValueError(f"order_by gives {cost.shape} numbers for {scenes} scenes; give one predicted cost a scene.")
+    return np.argsort(cost, kind="stable")
+
+
+def _dealt(scenes: int, block: int, workers: int, devices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The scene of each lane of a call, the count of blocks on each device, and the lane of each scene.
+
+    Lanes that are left over repeat a scene of their block.
+    """
+    blocks, each = -(-scenes // block), np.arange(devices)
+    counts = np.where(each < workers, blocks // workers + (each < blocks % workers), 0)
+    lanes = np.zeros((devices, _BLOCKS, _LANES), dtype=int)
+    places, first = np.empty(scenes, dtype=int), 0
+    for device, count in enumerate(counts):
+        for k in range(count):
+            last = min(first + block, scenes)
+            lanes[device, k] = np.minimum(first + np.arange(_LANES), last - 1)
+            places[first:last] = (device * _BLOCKS + k) * _LANES + np.arange(last - first)
+            first = last
+    return lanes.reshape(-1), counts, places
+
+
 @eqx.filter_jit
-def _blocks(fn, inputs, block):
-    return jax.lax.map(fn, inputs, batch_size=block)
+def _call(fn, inputs, counts, mesh: Mesh):
+    """The answers of `fn`, block after block on each device: one program, however many scenes there are."""
+    spread, alike = PartitionSpec("cores"), PartitionSpec()
+    arrays, rest = eqx.partition(fn, eqx.is_array)
+
+    def on_device(arrays, inputs, count):
+        lanes = jax.vmap(eqx.combine(arrays, rest))
+        inputs = jax.tree.map(lambda x: x.reshape(_BLOCKS, _LANES, *x.shape[1:]), inputs)
+
+        def block(k, out):
+            answer = lanes(jax.tree.map(lambda x: x[k], inputs))
+            return jax.tree.map(lambda x, a: x.at[k].set(a), out, answer)
+
+        shapes = jax.eval_shape(lanes, jax.tree.map(lambda x: x[0], inputs))
+        empty = jax.tree.map(lambda x: jnp.zeros((_BLOCKS, *x.shape), x.dtype), shapes)
+        out = jax.lax.fori_loop(0, count[0], block, empty)
+        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), out)
+
+    run = jax.shard_map(on_device, mesh=mesh, in_specs=(alike, spread, spread), out_specs=spread, check_vma=False)
+    return run(arrays, inputs, counts)
+
+
+def _store(out: np.ndarray, at: np.ndarray, answer, places: np.ndarray) -> None:
+    out[at] = np.asarray(answer)[places]
 
 
 def _warn(out: PyTree) -> None:
     leaves = jax.tree.leaves(out, is_leaf=lambda x: isinstance(x, Result))
-    if not all(checks.known(x) for x in jax.tree.leaves(out)):
-        return
     failed = sum(int(np.sum(~np.asarray(x == Result.ok))) for x in leaves if isinstance(x, Result))
     numbers = [np.asarray(x) for x in leaves if eqx.is_inexact_array(x)]
     scenes = {len(x) for x in numbers}

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 from . import energy
 from .chart import AbstractChart
 from .force import AbstractForce
-from .lanes import depends_on_first
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
+from .lanes import depends_on_first
 from .motion import AbstractMotion, Placement, State
 from .projection import Projection
 
@@ -41,7 +41,6 @@ class Scene(eqx.Module):
         """Power in W of the forces in a virtual velocity."""
         powers = [force.power(t, state, virtual, self.body) for force in self.forces]
         return sum(powers, jnp.zeros_like(state.turns))
-
 
     @property
     def rate_dependent(self) -> bool:

@@ -4,7 +4,7 @@ A symmetric method undoes its own steps: the step by -h from where a step by h e
 rounding.  So the reverse derivative needs no stored states: its memory does not grow with the number of steps.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -17,6 +17,7 @@ from .tracking import passed
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE = 1, 2, 3, 4
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
+_NEAR = 1e-6  # square of the distance from the pivot, over the length, that a step may not tell from none
 
 
 class Walker(NamedTuple):
@@ -29,11 +30,13 @@ class Walker(NamedTuple):
 
 
 class Route(eqx.Module):
-    """Save times `ends` (T,) after `start`, `counts` (T,) steps to each, and whether all steps are of one size."""
+    """Save times `ends` (T,) after `start`, `counts` (T,) steps to each, of which `taken` (T,) are taken; `even`: all of
+    one size."""
 
     start: Float[Array, ""]
     ends: Float[Array, " T"]
     counts: Int[Array, " T"]
+    taken: Int[Array, " T"]
     even: bool = eqx.field(static=True)
 
 
@@ -50,13 +53,14 @@ def march(
     go = _walk_reversible if backwards else _walk
 
     def leg(walker, ends):
-        begin, end, count = ends
+        begin, end, count, taken = ends
         h = (end - begin) / jnp.maximum(count, 1)
         h, table = (h, split.table(solver, h)) if even is None else even
-        walker = go((split, table, begin, h, walker.y), solver, walker._replace(y=None), count)
+        counted = jax.lax.stop_gradient(walker._replace(y=None))
+        walker = go((split, table, begin, h, walker.y), solver, counted, taken)
         return walker, walker
 
-    legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts)
+    legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)
     last, saved = jax.lax.scan(leg, start, legs)
     return saved, last
 
@@ -70,13 +74,13 @@ def _walk(moving, solver: AbstractSymplectic, walker: Walker, count) -> Walker:
         t = begin + k * h
         walker = _watched(split, walker, t)
         y = split.step(solver, table, t, h, walker.y)
-        if y.q is None:
-            return k + 1, walker._replace(y=y)
-        ahead = sum(a * b for a, b in zip(walker.y.q, y.q, strict=True))
-        sizes = sum(a * a for a in walker.y.q) * sum(b * b for b in y.q)
-        coarse = ~((ahead > 0) & (2 * ahead * ahead > sizes)) & (walker.stopped == 0)
-        turns = walker.turns + passed(walker.y.q, y.q)
-        return k + 1, walker._replace(y=y, turns=turns, stopped=jnp.where(coarse, COARSE, walker.stopped))
+        stopped, turns = walker.stopped, walker.turns
+        if y.q is not None:
+            stopped = jnp.where(stopped == 0, _strayed(walker.y.q, y.q), stopped)
+            turns = turns + passed(walker.y.q, y.q)
+        going = stopped == 0
+        y, turns = jax.tree.map(lambda new, old: jnp.where(going, new, old), (y, turns), (walker.y, walker.turns))
+        return k + 1, Walker(y, turns, stopped, walker.t)
 
     opened = walker._replace(y=split.opened(solver, table, h, y))
     _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), opened))
@@ -84,6 +88,15 @@ def _walk(moving, solver: AbstractSymplectic, walker: Walker, count) -> Walker:
     walker = _watched(split, walker, end)
     y = split.closed(solver, table, h, walker.y)
     return walker._replace(y=y, t=jnp.where(walker.stopped == 0, end, walker.t))
+
+
+def _strayed(before, after) -> Int[Array, ""]:
+    """Whether the rod turned too far in a step, or its straight way led through the pivot."""
+    ahead = sum(a * b for a, b in zip(before, after, strict=True))
+    sizes = sum(a * a for a in before) * sum(b * b for b in after)
+    way = sum((a - b) ** 2 for a, b in zip(before, after, strict=True))
+    through = (ahead < 0) & (sizes - ahead * ahead < _NEAR * way)
+    return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, COLLAPSED, COARSE))
 
 
 def _watched(split: AbstractSplit, walker: Walker, t) -> Walker:
@@ -111,10 +124,7 @@ def _and_back(arrived: Walker, gradient, perturbed, moving, solver, walker, coun
     split, table, begin, h, _ = moving
     asked, rest = eqx.partition((split, table), jax.tree.map(bool, perturbed[:2]))
     scale = jnp.where(arrived.stopped == 0, 1.0, 0.0)  # a run that stopped has no derivative
-    y_bar = jax.tree.map(
-        lambda x, bar: jnp.zeros_like(x) if bar is None else bar * scale.astype(x.dtype),
-        arrived.y, gradient.y, is_leaf=lambda x: x is None,
-    )  # fmt: skip
+    y_bar = jax.tree.map(lambda x, bar: bar * scale.astype(x.dtype), arrived.y, gradient.y)
 
     def step(asked, t, h, y):
         split, table = eqx.combine(asked, rest)

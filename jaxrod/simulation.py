@@ -140,7 +140,6 @@ def simulate(
     atol = _step_tolerance(tolerance, dtype)
 
     def adapt(solver, why):
-        _check_steps(solver, stepsize_controller, dt0, n_steps)
         fitting = None if isinstance(solver, AbstractSymplectic) else chart
         if isinstance(start, State) and fitting is None and not isinstance(solver, AbstractSymplectic):
             fitting = default_chart(system)
@@ -159,10 +158,13 @@ def simulate(
     # Equal steps from save time to save time need nothing of Diffrax; what does goes through Diffrax.
     plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
     plain = plain and (adjoint is None or isinstance(adjoint, Reversible | diffrax.ForwardMode))
-    best, why = best_solver(system) if isinstance(system, System) else (diffrax.Dopri8(), "adaptive, for any Lagrangian")
+    best, why = (
+        best_solver(system) if isinstance(system, System) else (diffrax.Dopri8(), "adaptive, for any Lagrangian")
+    )
     if solver is None and not (plain and chart is None):
         best, why = diffrax.Dopri8(), "adaptive, as a chart, steps, saveat, event, adjoint or meter was given"
     chosen, why = (best, why) if solver is None else (solver, "as given")
+    _check_steps(chosen, stepsize_controller, dt0, n_steps, plain)
     if isinstance(chosen, AbstractSymplectic):
         _check_split(system, chosen, chart)
     elif isinstance(adjoint, Reversible):
@@ -207,7 +209,9 @@ def _step(system, start, t0, t1, ts, solver, n_steps, tolerance, max_steps, adjo
     even = ends.size == 1 or _even(t0, ends)
     backwards = not isinstance(adjoint, diffrax.ForwardMode)
     tolerance = jnp.asarray(tolerance, t0.dtype)
-    return step_through(system, start, t0, ends, solver, n_steps, tolerance, even, max_steps, backwards)
+    return step_through(
+        system, start, t0, ends, solver, n_steps, tolerance, even, ts is None, max_steps, backwards
+    )  # fmt: skip
 
 
 def _even(t0, ts) -> bool:
@@ -275,7 +279,7 @@ def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
     return jnp.maximum(_LOCAL * tolerance.astype(dtype), _LEAST_LOCAL[name])
 
 
-def _check_steps(solver, stepsize_controller, dt0, n_steps) -> None:
+def _check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
     if not isinstance(solver, diffrax.AbstractSolver):
         raise ValueError(f"solver={solver!r} is not a solver; give an instance, such as diffrax.Tsit5().")
     if dt0 is not None:
@@ -285,6 +289,8 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps) -> None:
             raise ValueError(f"n_steps={n_steps} must be a positive whole number.")
         if dt0 is not None or stepsize_controller is not None:
             raise ValueError(f"n_steps={n_steps} fixes the steps; leave out dt0= and stepsize_controller=.")
+    elif isinstance(solver, AbstractSymplectic) and plain:
+        return  # it counts its steps by the tolerance
     elif dt0 is None and stepsize_controller is None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
         raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
 

@@ -110,8 +110,8 @@ class Center(eqx.Module):
 class Flat(AbstractSplit):
     """Uniform strain in q = (1 + eps) d: a mass on a spring.  Drift: straight on.  Kick: the gradient of all of V."""
 
-    scene: Scene  # per inertia
-    numbers: Any  # the same, number by number
+    scene: Scene
+    numbers: Any  # (the scene per inertia, the scene if it has forces), number by number
     center: Center | None
 
     def __init__(self, scene: Scene, t0, start: State):
@@ -119,8 +119,9 @@ class Flat(AbstractSplit):
         body = _per_inertia(scene.body)
         rigidity = jnp.sum(body.rigidity, keepdims=True)
         lean = eqx.tree_at(lambda b: (b.strains, b.rigidity), body, (jnp.ones_like(rigidity)[None], rigidity))
-        self.scene = _held(scene, lean)
-        self.numbers = scattered(self.scene)
+        self.scene = _held(scene, scene.body)
+        loads = self.scene if scene.forces else None
+        self.numbers = scattered((Scene(self.scene.motion, lean, self.scene.gravity, ()), loads))
 
     @property
     def nystrom(self):
@@ -155,11 +156,13 @@ class Flat(AbstractSplit):
     def force(self, t, q: Numbers) -> Numbers:
         """All loads on q, per inertia: minus the gradient of V, and those without a potential."""
 
-        def force(scene, t, q):
+        def force(scene, loads, t, q):
             push = -jax.grad(_embedded_potential, argnums=1)(scene, q)
-            return push + Moving(scene, Embedded()).force(t, q, jnp.zeros_like(q)) if scene.forces else push
+            if loads is None:
+                return push
+            return push + Moving(loads, Embedded()).force(t, q, jnp.zeros_like(q)) / loads.body.mass_matrix[0, 0]
 
-        return by_number(force)(self.numbers, t, q)
+        return by_number(force)(*self.numbers, t, q)
 
     def lowest_strain(self, y):
         return jnp.sqrt(sum(x * x for x in y.q)) - 1
@@ -333,7 +336,9 @@ class Axial(AbstractSplit):
         """Moment on the rod and force on each mode, per inertia."""
         pull, push = jnp.zeros_like(d), jnp.zeros_like(eta)
         if gravity is not None:
-            pull, push = jax.grad(lambda d, eta: -energy.gravity_pivoted(modes, gravity, eta, d), argnums=(0, 1))(d, eta)
+            pull, push = jax.grad(lambda d, eta: -energy.gravity_pivoted(modes, gravity, eta, d), argnums=(0, 1))(
+                d, eta
+            )
         if loads is not None:
             amplitudes, still = modes.shapes @ eta, jnp.zeros_like(eta)
             state = State(d, jnp.zeros_like(d), amplitudes, still, jnp.zeros_like(d[0]))
@@ -396,7 +401,9 @@ class Prescribed(AbstractSplit):
         def stage(y, row):
             passed, kick, *drift = row
             push = by_number(self._push)(modes, scene, t + passed, y.strain)
-            kicked = [p + kick * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
+            kicked = [
+                p + kick * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)
+            ]
             return self._drift(*drift, y._replace(strain_momentum=y.strain.like(kicked))), None
 
         return jax.lax.scan(stage, y, table[0])[0]
@@ -464,7 +471,12 @@ def _per_inertia(body: Projection) -> Projection:
     return eqx.tree_at(
         lambda b: (b.mass_matrix, b.stiffness_matrix, b.first_moments, b.rigidity),
         body,
-        (body.mass_matrix / inertia, body.stiffness_matrix / inertia, body.first_moments / inertia, body.rigidity / inertia),
+        (
+            body.mass_matrix / inertia,
+            body.stiffness_matrix / inertia,
+            body.first_moments / inertia,
+            body.rigidity / inertia,
+        ),
     )
 
 

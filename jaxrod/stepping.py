@@ -4,7 +4,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 from .equations import eigenvalues
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
@@ -56,20 +56,26 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
 
 
 @eqx.filter_jit
-def step_through(system, start, t0, ts, solver, n_steps, tolerance, even, max_steps, backwards) -> Solution:
-    """A run that saves at `ts` (T,): by `n_steps` equal steps in all, or by as many as `tolerance` takes."""
+def step_through(
+    system, start, t0, ts, solver, n_steps, tolerance, even, end_only, max_steps, backwards
+) -> Solution:  # fmt: skip
+    """A run that saves at `ts` (T,), or where it ends: by `n_steps` equal steps in all, or by as many as `tolerance` takes."""
     given, given_ts = system, ts
-    valid = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0) & system.valid(start)
-    # An invalid scene is run with ones for all its numbers, and one step: its own would keep its neighbours waiting.
+    # Apart: where times and steps are common to all scenes they stay so under `vmap`, and the loop has one end.
+    valid_times = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0)
+    valid = system.valid(start)
+    # An invalid scene is run with ones for all its numbers: its own would keep its neighbours waiting.
     system, start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), (system, start))
-    ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
-    counts, enough = _counts(system, start, t0, ts, solver, n_steps, tolerance, even, max_steps)
-    counts = jnp.where(valid, counts, 0)
+    ts = jnp.where(valid_times, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
+    counts = _counts(system, start, t0, ts, solver, n_steps, tolerance, even)
+    taken = jnp.clip(max_steps - (jnp.cumsum(counts) - counts), 0, counts)
+    enough = taken == counts
+    valid = valid & valid_times
 
     split = system.split(start, t0)
-    saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, even), backwards)
+    saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
-    reached = (saved.stopped == 0) & valid & enough
+    reached = valid & (end_only | ((saved.stopped == 0) & enough))
     code = Result.where(last.stopped == COLLAPSED, Result.collapsed, Result.ok)
     for stopped, why in ((DIVERGED, Result.diverged), (COARSE, Result.coarse), (NON_FINITE, Result.non_finite)):
         code = Result.where(last.stopped == stopped, why, code)
@@ -78,24 +84,24 @@ def step_through(system, start, t0, ts, solver, n_steps, tolerance, even, max_st
     open_energy = _OPEN_ENERGY * tolerance if n_steps is None else 0.1
     code = Result.where((code == Result.ok) & (lost > open_energy), Result.coarse, code)
     states = jax.tree.map(lambda x: jnp.where(reached.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
-    steps = jnp.sum(counts)
-    end = jnp.where(jnp.all(enough), last.t, t0 + jnp.sum(jnp.where(enough, jnp.diff(ts, prepend=t0), 0.0)))
+    steps = jnp.sum(taken)
     return Solution(
-        ts=jnp.where(reached, ts, jnp.nan) if ts.size == 1 else given_ts,
+        ts=jnp.where(reached, last.t, jnp.nan) if end_only else given_ts,
         states=states,
         result=Result.where(valid, code, Result.invalid),
         stats={
-            "num_steps": steps, "num_accepted_steps": steps, "num_rejected_steps": jnp.zeros_like(steps), "t_end": end,
+            "num_steps": steps,
+            "num_accepted_steps": steps,
+            "num_rejected_steps": jnp.zeros_like(steps),
+            "t_end": last.t,
         },  # fmt: skip
         system=given,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
 
 
-def _counts(
-    system, start, t0, ts, solver, n_steps, tolerance, even, max_steps
-) -> tuple[Int[Array, " T"], Bool[Array, " T"]]:
-    """Steps to each save time, and whether they are within `max_steps`."""
+def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Array, " T"]:
+    """Steps to each save time."""
     legs = jnp.diff(ts, prepend=t0)
     if n_steps is not None:
         size = (ts[-1] - t0) / n_steps
@@ -104,8 +110,7 @@ def _counts(
     counts = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
     if even:  # one size for all
         counts = jnp.where(legs > 0, jnp.max(counts), 0.0)
-    enough = jnp.cumsum(counts) <= max_steps
-    return jnp.where(enough, counts, 0).astype(jnp.int32), enough
+    return jnp.clip(counts, 0, 2**30).astype(jnp.int32)
 
 
 def _energy_lost(system: System, start: State, end: State) -> Float[Array, ""]:

@@ -4,27 +4,42 @@ Each is a Diffrax solver for the term that `System.split` makes, of fixed steps;
 Diffrax's.  Inside a step the state is that of the same method with a shorter step, so dense output is of full order.
 """
 
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import jax
+import jax.numpy as jnp
 
 from .splitting import AbstractSplit
 
 
 class SplitTerm(diffrax.AbstractTerm):
-    """The term that carries a split to its solver."""
+    """The term that carries a split to its solver.  As a vector field it is the rate of change along all flows."""
 
     split: AbstractSplit
 
     def vf(self, t, y, args):
-        raise TypeError("a split has flows, not one vector field; take a symplectic solver, such as BlanesMoan6().")
+        del args
+        h = jnp.zeros_like(jnp.asarray(t))
+        return jax.jvp(lambda h: single_step(StormerVerlet(), self.split, t, h, y), (h,), (jnp.ones_like(h),))[1]
 
     def contr(self, t0, t1, **kwargs):
         return t1 - t0
 
     def prod(self, vf, control):
-        raise TypeError("a split has flows, not one vector field; take a symplectic solver, such as BlanesMoan6().")
+        return jax.tree.map(lambda x: x * control, vf)
+
+    def vf_prod(self, t, y, args, control):
+        if isinstance(control, Stride):  # Diffrax wraps terms, and this goes through
+            return single_step(control.solver, self.split, t, control.h, y)
+        return self.prod(self.vf(t, y, args), control)
+
+
+class Stride(NamedTuple):
+    """A step of a symplectic solver, asked of a term."""
+
+    solver: Any
+    h: Any
 
 
 class AbstractSymplectic(diffrax.AbstractSolver):
@@ -83,13 +98,12 @@ class AbstractSymplectic(diffrax.AbstractSolver):
         return None
 
     def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
-        del args, made_jump
-        h = t1 - t0
-        y1 = single_step(self, terms.split, t0, h, y0)
-        return y1, None, {"y0": y0, "split": terms.split, "solver": self}, solver_state, diffrax.RESULTS.successful
+        del made_jump
+        y1 = terms.vf_prod(t0, y0, args, Stride(self, terms.contr(t0, t1)))
+        return y1, None, {"y0": y0, "terms": terms, "solver": self}, solver_state, diffrax.RESULTS.successful
 
     def func(self, terms, t0, y0, args):
-        return jax.tree.map(lambda x: 0 * x, y0)
+        return terms.vf(t0, y0, args)
 
 
 def single_step(solver: AbstractSymplectic, split: AbstractSplit, t, h, y):
@@ -104,13 +118,13 @@ class ShorterStep(diffrax.AbstractLocalInterpolation):
     t0: Any
     t1: Any
     y0: Any
-    split: AbstractSplit
+    terms: diffrax.AbstractTerm
     solver: AbstractSymplectic
 
     def evaluate(self, t0, t1=None, left=True):
         if t1 is not None:
             return jax.tree.map(lambda b, a: b - a, self.evaluate(t1), self.evaluate(t0))
-        return single_step(self.solver, self.split, self.t0, t0 - self.t0, self.y0)
+        return self.terms.vf_prod(self.t0, self.y0, None, Stride(self.solver, self.terms.contr(self.t0, t0)))
 
 
 class StormerVerlet(AbstractSymplectic):

@@ -320,7 +320,9 @@ class System(eqx.Module):
         **Raises:** `ValueError` where `splits` is not empty.
         """
         if self.unsplit:
-            raise ValueError(f"a symplectic solver cannot step this scene: {self.unsplit}; take solver=diffrax.Dopri8().")
+            raise ValueError(
+                f"a symplectic solver cannot step this scene: {self.unsplit}; take solver=diffrax.Dopri8()."
+            )
         if isinstance(self.motion, Driven):
             return Prescribed(self._scene, t0, start)
         return (Flat if self.splits_flat else Axial)(self._scene, t0, start)

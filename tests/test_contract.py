@@ -22,8 +22,11 @@ from jaxrod import Result
 # ---- names
 
 NAMES = [
+    "ABA864",
     "AbstractForce",
     "Angles",
+    "BlanesMoan4",
+    "BlanesMoan6",
     "Cone",
     "Director",
     "Driven",
@@ -43,6 +46,7 @@ NAMES = [
     "Profile",
     "QuasiStatic",
     "Result",
+    "Reversible",
     "Ritz",
     "Rod",
     "Rotation",
@@ -52,6 +56,7 @@ NAMES = [
     "Spherical",
     "State",
     "Steps",
+    "StormerVerlet",
     "Strains",
     "System",
     "Table",
@@ -131,7 +136,7 @@ def test_configure(tmp_path):
         "print(jaxrod.configure(x64=False) == said, jax.numpy.zeros(()).dtype)"
     )
     assert said == [
-        f"jaxrod: float64, 2 CPU devices, compiled programs kept in {tmp_path}",
+        f"jaxrod: float64, 2 CPU devices, compiled programs kept in {tmp_path}, loops compiled whole",
         f"float64 2 {tmp_path}",
         "True float64",
     ]
@@ -139,9 +144,9 @@ def test_configure(tmp_path):
 
 def test_configure_without_cache_in_float32():
     said = _python(
-        "import jaxrod; print(jaxrod.configure(x64=False, cache=None)); import jax; print(jax.numpy.zeros(()).dtype)"
+        "import jaxrod; print(jaxrod.configure(x64=False, cache=None, devices=1)); import jax; print(jax.numpy.zeros(()).dtype)"
     )
-    assert said == ["jaxrod: float32, 1 CPU device", "float32"]
+    assert said == ["jaxrod: float32, 1 CPU device, loops compiled whole", "float32"]
 
 
 def test_configure_comes_first():
@@ -251,7 +256,7 @@ def test_shapes(name):
     if D == 3:
         assert sol.azimuth.shape == sol.azimuth_rate.shape == (T,)
     assert sol.ok and sol.result == Result.ok and Result[sol.result] == "the run reached its end"
-    assert set(sol.stats) == {"num_steps", "num_accepted_steps", "num_rejected_steps", "t_end"}
+    assert set(sol.stats) == {"num_steps", "num_accepted_steps", "num_rejected_steps", "t_end", "why"}
     assert sol.stats["num_steps"] == sol.stats["num_accepted_steps"] + sol.stats["num_rejected_steps"] > 0
     assert sol.stats["t_end"] == DURATION
     np.testing.assert_allclose(sol.tip, sol.shape(jnp.array([1.0]))[:, 0], rtol=1e-14)
