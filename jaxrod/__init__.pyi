@@ -57,5 +57,6 @@ from .symplectic import BlanesMoan4 as BlanesMoan4
 from .symplectic import BlanesMoan6 as BlanesMoan6
 from .symplectic import StormerVerlet as StormerVerlet
 from .system import System as System
+from .unrolled import Unrolled as Unrolled
 
 __version__: str

@@ -37,7 +37,7 @@ def integrate(
         ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
     if isinstance(system, System):
         # An invalid scene is run with ones for all its numbers: its own would keep its neighbours waiting for NaN.
-        given, valid = system, valid & system.valid(start)
+        given, valid = system, valid & system.sound() & system.valid(start)
         system, start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), (system, start))
     else:
         given = system

@@ -54,7 +54,7 @@ def march(
 
     def leg(walker, ends):
         begin, end, count, taken = ends
-        h = (end - begin) / jnp.maximum(count, 1)
+        h = jnp.where(count > 0, (end - begin) / jnp.maximum(count, 1), 1.0)
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
         walker = go((split, table, begin, h, walker.y), solver, counted, taken)
@@ -75,9 +75,10 @@ def _walk(moving, solver: AbstractSymplectic, walker: Walker, count) -> Walker:
         walker = _watched(split, walker, t)
         y = split.step(solver, table, t, h, walker.y)
         stopped, turns = walker.stopped, walker.turns
-        if y.q is not None:
-            stopped = jnp.where(stopped == 0, _strayed(walker.y.q, y.q), stopped)
-            turns = turns + passed(walker.y.q, y.q)
+        before, after = split.heading(walker.y), split.heading(y)
+        if after is not None:
+            stopped = jnp.where(stopped == 0, _strayed(before, after), stopped)
+            turns = turns + passed(before, after)
         going = stopped == 0
         y, turns = jax.tree.map(lambda new, old: jnp.where(going, new, old), (y, turns), (walker.y, walker.turns))
         return k + 1, Walker(y, turns, stopped, walker.t)

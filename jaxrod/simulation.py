@@ -26,6 +26,7 @@ from .solution import Solution
 from .stepping import best_solver, step_through
 from .symplectic import AbstractSymplectic
 from .system import System
+from .unrolled import Unrolled
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 _LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}
@@ -169,7 +170,12 @@ def simulate(
         _check_split(system, chosen, chart)
     elif isinstance(adjoint, Reversible):
         raise ValueError(f"adjoint=Reversible() runs symplectic solvers backwards, not {type(chosen).__name__}.")
-    if isinstance(chosen, AbstractSymplectic) and plain:
+    unrolled = isinstance(chosen, Unrolled) and isinstance(system, System) and chart is None
+    if unrolled and system.basis.n > 1:
+        raise ValueError(
+            f"solver=Unrolled() is for one strain shape, not {system.basis.n}; leave out solver= for steps that adapt."
+        )
+    if plain and (isinstance(chosen, AbstractSymplectic) or unrolled):
         solution = _explained(_step(system, start, t0, t1, ts, chosen, n_steps, tolerance, max_steps, adjoint), why)
         failed = checks.fails(lambda ok: ok, solution.ok)
         if solver is None and n_steps is None and failed and not bool(solution.result == Result.invalid):
@@ -207,7 +213,7 @@ def _step(system, start, t0, t1, ts, solver, n_steps, tolerance, max_steps, adjo
         tolerance = _DEFAULT_TOLERANCE[jnp.dtype(t0.dtype).name]
     ends = t1[None] if ts is None else ts
     even = ends.size == 1 or _even(t0, ends)
-    backwards = not isinstance(adjoint, diffrax.ForwardMode)
+    backwards = isinstance(solver, AbstractSymplectic) and not isinstance(adjoint, diffrax.ForwardMode)
     tolerance = jnp.asarray(tolerance, t0.dtype)
     return step_through(
         system, start, t0, ends, solver, n_steps, tolerance, even, ts is None, max_steps, backwards

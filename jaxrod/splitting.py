@@ -76,6 +76,10 @@ class AbstractSplit(eqx.Module):
     def closed(self, scheme, table, h, y: Split) -> Split:
         """y without the drift that the last step was ahead."""
 
+    def heading(self, y: Split) -> Any:
+        """Coordinates along the director, whose turns are to be counted; None if there are none."""
+        return y.q
+
     @abc.abstractmethod
     def lowest_strain(self, y: Split) -> Float[Array, ""]:
         """The least strain along the rod."""
@@ -239,7 +243,7 @@ class Axial(AbstractSplit):
         self.scene, self.modes = _held(scene, scene.body), AxialModes(scene.body)
         loads = self.scene if self.scene.forces else None
         self.numbers = scattered((self.modes, self.scene.gravity, loads))
-        self.field = _watched_field(self.modes, scene.body)
+        self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
 
     @property
     def nystrom(self):
@@ -353,7 +357,7 @@ class Axial(AbstractSplit):
         return moment, push
 
     def lowest_strain(self, y):
-        return _lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
+        return lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
 
 
 class Prescribed(AbstractSplit):
@@ -370,7 +374,7 @@ class Prescribed(AbstractSplit):
         slack = eqx.tree_at(lambda s: s.body.stiffness_matrix, scene, jnp.zeros_like(scene.body.stiffness_matrix))
         self.scene = slack
         self.numbers = scattered((self.modes, slack))
-        self.field = _watched_field(self.modes, scene.body)
+        self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
 
     @property
     def nystrom(self):
@@ -434,19 +438,18 @@ class Prescribed(AbstractSplit):
         return modes.shapes.T @ push / scene.body.mass_matrix[0, 0]
 
     def lowest_strain(self, y):
-        return _lowest(y.strain, self.field)
+        return lowest(y.strain, self.field)
 
 
-def _watched_field(modes: AxialModes, body: Projection) -> Any:
-    """Strain of each mode at 2 n + 3 of the points along the rod: each step looks there whether it collapses."""
-    n, points = body.strains.shape
-    places = np.unique(np.linspace(0, points - 1, 2 * n + 3).round().astype(int))
-    return scattered(modes.shapes.T @ body.strains[:, places])
+def watched(field: Float[Array, "n points"]) -> Float[Array, "n places"]:
+    """A field along the rod at 2 n + 3 of its points: each step looks there whether the rod collapses."""
+    n, points = field.shape
+    return field[:, np.unique(np.linspace(0, points - 1, 2 * n + 3).round().astype(int))]
 
 
-def _lowest(eta: Numbers, field: Numbers) -> Any:
+def lowest(amplitudes: Numbers, field: Numbers) -> Any:
     """The least strain at the points where `field` is known."""
-    return functools.reduce(jnp.minimum, by_number(lambda eta, field: eta @ field)(eta, field))
+    return functools.reduce(jnp.minimum, by_number(lambda a, field: a @ field)(amplitudes, field))
 
 
 def _turned(d: Numbers, momentum: Numbers, turning) -> Numbers:

@@ -13,6 +13,7 @@ from .result import Result
 from .solution import Solution
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
+from .unrolled import Unrolled, Whole
 
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
 _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
@@ -61,18 +62,20 @@ def step_through(
 ) -> Solution:  # fmt: skip
     """A run that saves at `ts` (T,), or where it ends: by `n_steps` equal steps in all, or by as many as `tolerance` takes."""
     given, given_ts = system, ts
-    # Apart: where times and steps are common to all scenes they stay so under `vmap`, and the loop has one end.
+    # What is invalid is run with ones for all its numbers: its own would keep its neighbours waiting.  Times, scene and
+    # start each by itself, so that what is common to all lanes stays so under `vmap`.
     valid_times = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0)
-    valid = system.valid(start)
-    # An invalid scene is run with ones for all its numbers: its own would keep its neighbours waiting.
-    system, start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), (system, start))
     ts = jnp.where(valid_times, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
+    sound = system.sound()
+    system = jax.tree.map(lambda x: jnp.where(sound, x, jnp.ones_like(x)), system)
+    valid = system.valid(start)
+    start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
     counts = _counts(system, start, t0, ts, solver, n_steps, tolerance, even)
     taken = jnp.clip(max_steps - (jnp.cumsum(counts) - counts), 0, counts)
     enough = taken == counts
-    valid = valid & valid_times
+    valid = valid & sound & valid_times
 
-    split = system.split(start, t0)
+    split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0)
     saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
     reached = valid & (end_only | ((saved.stopped == 0) & enough))

@@ -196,15 +196,16 @@ class System(eqx.Module):
         """The least strain along the rod, or zero if all are above."""
         return jnp.min(amplitudes if self.basis.uniform else self.body.field(amplitudes), initial=0.0)
 
-    def valid(self, start: State) -> Array:
-        """Whether rod and start make sense: what construction asks of known numbers, for traced ones."""
-        finite = [jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(eqx.filter((self, start), eqx.is_inexact_array))]
-        valid = self.rod.valid() & jnp.all(jnp.stack(finite))
-        if self.basis.n:
-            valid = valid & (self.lowest_strain(start.amplitudes) > -1)
+    def sound(self) -> Array:
+        """Whether the scene makes sense: what construction asks of known numbers, for traced ones."""
+        sound = self.rod.valid() & _finite(self)
         if self._pivot is not None:
-            valid = valid & (self._pivot >= 0) & (self._pivot <= self.rod.length)
-        return valid
+            sound = sound & (self._pivot >= 0) & (self._pivot <= self.rod.length)
+        return sound
+
+    def valid(self, start: State) -> Array:
+        """Whether a start makes sense, likewise."""
+        return _finite(start) & (self.lowest_strain(start.amplitudes) > -1) if self.basis.n else _finite(start)
 
     # ---- energies of a state, in J
 
@@ -366,6 +367,11 @@ def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
     if np.ndim(gravity) == 0:
         return checks.not_negative("gravity", gravity, "m/s^2 (or a vector, or None)")
     return checks.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),))
+
+
+def _finite(tree) -> Any:
+    leaves = jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))
+    return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in leaves]))
 
 
 def _or_zero(value, zero: Any = 0.0):

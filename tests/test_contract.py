@@ -63,6 +63,7 @@ NAMES = [
     "TipForce",
     "Torque",
     "Uniform",
+    "Unrolled",
     "claims",
     "configure",
     "continuum",

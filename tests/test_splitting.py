@@ -81,9 +81,9 @@ def _run(energy, y, t):
 
 
 PARTS = {
-    "drift": lambda m, eta, p, psi, l: (p @ p + (m.rates * eta) @ (m.rates * eta) + l**2 * (1 - 2 * m.arms @ eta)) / 2,
-    "turning": lambda m, eta, p, psi, l: l**2 * (1 / m.inertia(eta) - 1 + 2 * m.arms @ eta) / 2,
-    "gravity": lambda m, eta, p, psi, l: 9.81 * m.moment(eta) * jnp.sin(psi),
+    "drift": lambda m, eta, p, psi, L: (p @ p + (m.rates * eta) @ (m.rates * eta) + L**2 * (1 - 2 * m.arms @ eta)) / 2,
+    "turning": lambda m, eta, p, psi, L: L**2 * (1 / m.inertia(eta) - 1 + 2 * m.arms @ eta) / 2,
+    "gravity": lambda m, eta, p, psi, L: 9.81 * m.moment(eta) * jnp.sin(psi),
 }
 
 

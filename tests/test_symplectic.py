@@ -108,6 +108,7 @@ def test_as_a_diffrax_solver(cone):
     np.testing.assert_allclose(system.tip(end), sol.tip[-1], atol=1e-12)
 
 
+@pytest.mark.slow
 def test_steps_are_chosen_by_the_tolerance(cone):
     """Errors of a run are below what is asked, and more is asked by more steps."""
     for n in (0, 1, 2):
@@ -223,3 +224,39 @@ def test_refusals(cone):
     pendulum = jaxrod.Lagrangian(lambda t, q, v: v @ v / 2 + jnp.cos(q[0]))
     with pytest.raises(ValueError, match="any Lagrangian"):
         jaxrod.simulate(pendulum, (jnp.zeros(1), jnp.zeros(1)), t1=0.1, solver=jaxrod.ABA864())
+
+
+# ---- forces that depend on rates
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("motion", "n"), [(jaxrod.Rotation(), 1), (jaxrod.Spherical(), 1), (jaxrod.Rotation(), 0)])
+def test_unrolled(cone, motion, n):
+    """Damped scenes by equal steps in one loop, against Diffrax's adaptive run."""
+    forces = [jaxrod.PivotFriction(0.3)]
+    system = jaxrod.System(cone, motion, jaxrod.Ritz(n), gravity=9.81, forces=forces)
+    start, ts = system.state(angle=0.2, rate=12.0), jnp.linspace(0.05, 0.5, 10)
+    exact = jaxrod.simulate(system, start, ts=ts, tolerance=1e-11)
+    sol = jaxrod.simulate(system, start, ts=ts, solver=jaxrod.Unrolled(), n_steps=4000)
+    np.testing.assert_allclose(sol.tip, exact.tip, atol=1e-8)
+    np.testing.assert_allclose(sol.angle, exact.angle, atol=1e-8)
+    slope = jax.jacfwd(
+        lambda rate: jaxrod.simulate(
+            system,
+            system.state(rate=rate),
+            t1=0.2,
+            n_steps=400,
+            solver=jaxrod.Unrolled(),
+            adjoint=diffrax.ForwardMode(),
+        ).angle[-1]
+    )(12.0)
+    reverse = jax.grad(lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=0.2).angle[-1])(12.0)
+    np.testing.assert_allclose(slope, reverse, rtol=1e-6)
+
+
+def test_unrolled_refuses(cone):
+    system = _system(cone, 2)
+    with pytest.raises(ValueError, match="for one strain shape, not 2"):
+        jaxrod.simulate(system, system.state(), t1=0.1, solver=jaxrod.Unrolled(), n_steps=9)
+    with pytest.raises(ValueError, match="is no explicit Runge-Kutta method"):
+        jaxrod.Unrolled(diffrax.Kvaerno5())
