@@ -10,6 +10,7 @@ part "peers" of docs/performance.md and docs/peers.png.
 
 import argparse
 import importlib
+import itertools
 import math
 import pathlib
 import time
@@ -110,7 +111,7 @@ def cost(points, level: float) -> float:
     """Least time of those at most as wrong as `level`, between settings by the straight line in the picture."""
     points = [(e, t) for e, t in points if math.isfinite(e)]
     best = min((t for e, t in points if e <= level), default=math.inf)
-    for (e0, t0), (e1, t1) in zip(points, points[1:], strict=False):
+    for (e0, t0), (e1, t1) in itertools.pairwise(points):
         if e0 > level >= e1 > 0 and e0 < 1:
             share = math.log(e0 / level) / math.log(e0 / e1)
             best = min(best, t0 * (t1 / t0) ** share)
@@ -118,7 +119,7 @@ def cost(points, level: float) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
     parser.add_argument("--lanes", type=int, default=512, help="trajectories; a multiple of 128 (default 512)")
     parser.add_argument("--seconds", type=float, default=12.0, help="for one peer at most (default 12)")
     parser.add_argument(

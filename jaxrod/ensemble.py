@@ -80,7 +80,8 @@ def sweep(
             picked = order[begin : begin + size]
             lanes, counts, places = _dealt(picked.size, block, workers, mesh.size)
             part = jax.tree.map(lambda x, at=picked[lanes]: x[at], inputs)
-            answers = _call(fn, *jax.device_put((part, counts), spread), mesh)
+            part, counts = jax.device_put((part, counts), spread)
+            answers = _call(fn, part, counts, mesh)
             if out is None:
                 out = jax.tree.map(lambda x: np.empty((scenes, *x.shape[1:]), x.dtype), answers)
             jax.tree.map(lambda x, answer, at=picked, of=places: _store(x, at, answer, of), out, answers)

@@ -158,7 +158,7 @@ def _evaluate(jaxpr, consts: list[np.ndarray], args: list[np.ndarray], arithmeti
 
 def _operation(eqn, tables: list[np.ndarray], arithmetic: Arithmetic) -> list[np.ndarray]:
     name, params = eqn.primitive.name, eqn.params
-    shape = eqn.outvars[0].aval.shape if eqn.outvars else None  # a debug print gives nothing
+    shape: Any = eqn.outvars[0].aval.shape if eqn.outvars else None  # a debug print gives nothing
     if name in _INNER:
         inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
         inner = inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())

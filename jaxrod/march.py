@@ -4,7 +4,7 @@ A symmetric method undoes its own steps: the step by -h from where a step by h e
 rounding.  So the reverse derivative needs no stored states: its memory does not grow with the number of steps.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -12,7 +12,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .splitting import AbstractSplit, Split
-from .symplectic import AbstractSymplectic
 from .tracking import passed
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE = 1, 2, 3, 4
@@ -40,9 +39,7 @@ class Route(eqx.Module):
     even: bool = eqx.field(static=True)
 
 
-def march(
-    solver: AbstractSymplectic, split: AbstractSplit, y0: Split, turns, route: Route, backwards: bool
-) -> tuple[Walker, Walker]:
+def march(solver: Any, split: AbstractSplit, y0: Split, turns, route: Route, backwards: bool) -> tuple[Walker, Walker]:
     """The walker at each of `route.ends`, stacked, and at last.  A run that stops stays where it was.
 
     `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
@@ -65,7 +62,7 @@ def march(
     return saved, last
 
 
-def _walk(moving, solver: AbstractSymplectic, walker: Walker, count) -> Walker:
+def _walk(moving, solver: Any, walker: Walker, count) -> Walker:
     """`count` steps of one size; `moving` is (split, its table, time, step, phase)."""
     split, table, begin, h, y = moving
 

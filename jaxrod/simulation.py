@@ -142,9 +142,9 @@ def simulate(
 
     def adapt(solver, why):
         fitting = None if isinstance(solver, AbstractSymplectic) else chart
-        if isinstance(start, State) and fitting is None and not isinstance(solver, AbstractSymplectic):
+        if isinstance(system, System) and fitting is None and not isinstance(solver, AbstractSymplectic):
             fitting = default_chart(system)
-        if fitting is not None:
+        if isinstance(system, System) and fitting is not None:
             system.check_chart(fitting)
         return _explained(
             integrate(
@@ -171,7 +171,7 @@ def simulate(
     elif isinstance(adjoint, Reversible):
         raise ValueError(f"adjoint=Reversible() runs symplectic solvers backwards, not {type(chosen).__name__}.")
     unrolled = isinstance(chosen, Unrolled) and isinstance(system, System) and chart is None
-    if unrolled and system.basis.n > 1:
+    if unrolled and isinstance(system, System) and system.basis.n > 1:
         raise ValueError(
             f"solver=Unrolled() is for one strain shape, not {system.basis.n}; leave out solver= for steps that adapt."
         )
@@ -215,6 +215,7 @@ def _step(system, start, t0, t1, ts, solver, n_steps, tolerance, max_steps, adjo
     even = ends.size == 1 or _even(t0, ends)
     backwards = isinstance(solver, AbstractSymplectic) and not isinstance(adjoint, diffrax.ForwardMode)
     tolerance = jnp.asarray(tolerance, t0.dtype)
+    n_steps = None if n_steps is None else jnp.asarray(n_steps, t0.dtype)  # so that another count is the same program
     return step_through(
         system, start, t0, ends, solver, n_steps, tolerance, even, ts is None, max_steps, backwards
     )  # fmt: skip

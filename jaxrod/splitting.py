@@ -105,6 +105,7 @@ class Center(eqx.Module):
         """That of a flight, else None."""
         if not isinstance(scene.motion, Flight):
             return None
+        assert start.center is not None and start.center_velocity is not None
         down = jnp.zeros_like(start.center)
         if scene.gravity is not None:
             down = down.at[-1].set(-scene.gravity) if scene.gravity.ndim == 0 else scene.gravity
@@ -180,8 +181,9 @@ def _embedded_potential(scene: Scene, q):
 class AxialModes(eqx.Module):
     """The rod in its axial normal modes, per inertia: amplitudes eta with a = shapes @ eta, of mass 1.
 
-    `rates` (n,), natural angular frequencies in rad/s, and `periods` (n,) one over them; `arms` (n,) and `rest`: the moment of inertia is
-    rest + |arms + eta|^2, which is 1 at rest; `moments` (n+1,) the first moments; `shapes` (n, n), `inverse` its inverse.
+    `rates` (n,), natural angular frequencies in rad/s, `periods` (n,) one over them; `arms` (n,) and `rest`: the moment of
+    inertia is rest + |arms + eta|^2, which is 1 at rest; `moments` (n+1,) the first moments; `shapes` (n, n), `inverse` its
+    inverse.
     """
 
     rates: Float[Array, " n"]
@@ -254,7 +256,8 @@ class Axial(AbstractSplit):
         momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
         eta = self.modes.inverse @ state.amplitudes
         deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
-        return Split(*scattered((state.direction, jnp.atleast_1d(momentum), eta, deta)), jnp.zeros_like(inertia))
+        d, momentum = scattered((state.direction, jnp.atleast_1d(momentum)))
+        return Split(d, momentum, scattered(eta), scattered(deta), jnp.zeros_like(inertia))
 
     def decode(self, t, y, turns):
         d, momentum, eta, deta, _ = gathered(y)
@@ -265,7 +268,7 @@ class Axial(AbstractSplit):
 
     def table(self, scheme, h):
         rows = [
-            (passed * h, before * h, after * h, *self._turned(drift * h))
+            (passed * h, before * h, after * h, self._turned(drift * h))
             for (_, passed, drift), (before, after) in zip(scheme.stages, scheme.halves, strict=True)
         ]
         return jax.tree.map(lambda *x: jnp.stack(x), *rows), self._turned(scheme.drifts[0] * h)
@@ -279,28 +282,28 @@ class Axial(AbstractSplit):
         del scheme, h
 
         def stage(y, row):
-            passed, before, after, *drift = row
+            passed, before, after, drift = row
             y = self._rotate(self._straighten(before, y))
             y = self._straighten(after, self._load(t + passed, before + after, y))
-            return self._drift(*drift, y), None
+            return self._drift(drift, y), None
 
         return jax.lax.scan(stage, y, table[0])[0]
 
     def opened(self, scheme, table, h, y):
         del scheme, h
-        return self._drift(*table[1], y)
+        return self._drift(table[1], y)
 
     def closed(self, scheme, table, h, y):
         del scheme, h
         cos, sin, drift = table[1]
-        return self._rotate(self._drift(cos, [-x for x in sin], -drift, y))
+        return self._rotate(self._drift((cos, [-x for x in sin], -drift), y))
 
     def _rotate(self, y: Split):
         return y._replace(q=_turned(y.q, y.p, y.turning), turning=jnp.zeros_like(y.turning))
 
-    def _drift(self, cos, sin, drift, y: Split):
+    def _drift(self, turned, y: Split):
         """The oscillators under a constant pull for a time `drift`; the director is to turn by l int 1/J dt."""
-        modes, square = self.numbers[0], sum(x * x for x in y.p)
+        (cos, sin, drift), modes, square = turned, self.numbers[0], sum(x * x for x in y.p)
         strain, momentum, swept, pulled = [], [], 0.0, 0.0
         for c, s, period, arm, eta, p in zip(
             cos, sin, modes.periods, modes.arms, y.strain, y.strain_momentum, strict=True
@@ -383,7 +386,7 @@ class Prescribed(AbstractSplit):
     def encode(self, state):
         eta = self.modes.inverse @ state.amplitudes
         deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
-        return Split(None, None, *scattered((eta, deta)))
+        return Split(None, None, scattered(eta), scattered(deta))
 
     def decode(self, t, y, turns):
         eta, deta = gathered((y.strain, y.strain_momentum))
@@ -391,7 +394,7 @@ class Prescribed(AbstractSplit):
         return Strains().decode(self.scene.motion, t, amplitudes, rates, turns)
 
     def table(self, scheme, h):
-        rows = [(passed * h, kick * h, *self._turned(drift * h)) for kick, passed, drift in scheme.stages]
+        rows = [(passed * h, kick * h, self._turned(drift * h)) for kick, passed, drift in scheme.stages]
         return jax.tree.map(lambda *x: jnp.stack(x), *rows), self._turned(scheme.drifts[0] * h)
 
     def _turned(self, t):
@@ -403,25 +406,26 @@ class Prescribed(AbstractSplit):
         modes, scene = self.numbers
 
         def stage(y, row):
-            passed, kick, *drift = row
+            passed, kick, drift = row
             push = by_number(self._push)(modes, scene, t + passed, y.strain)
             kicked = [
                 p + kick * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)
             ]
-            return self._drift(*drift, y._replace(strain_momentum=y.strain.like(kicked))), None
+            return self._drift(drift, y._replace(strain_momentum=y.strain.like(kicked))), None
 
         return jax.lax.scan(stage, y, table[0])[0]
 
     def opened(self, scheme, table, h, y):
         del scheme, h
-        return self._drift(*table[1], y)
+        return self._drift(table[1], y)
 
     def closed(self, scheme, table, h, y):
         del scheme, h
         cos, sin = table[1]
-        return self._drift(cos, [-x for x in sin], y)
+        return self._drift((cos, [-x for x in sin]), y)
 
-    def _drift(self, cos, sin, y: Split):
+    def _drift(self, turned, y: Split):
+        cos, sin = turned
         pairs = list(zip(cos, sin, y.strain, y.strain_momentum, strict=True))
         return y._replace(
             strain=y.strain.like([c * x + s * p for c, s, x, p in pairs]),

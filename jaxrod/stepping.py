@@ -97,7 +97,7 @@ def step_through(
             "num_accepted_steps": steps,
             "num_rejected_steps": jnp.zeros_like(steps),
             "t_end": last.t,
-        },  # fmt: skip
+        },
         system=given,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
@@ -106,10 +106,8 @@ def step_through(
 def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Array, " T"]:
     """Steps to each save time."""
     legs = jnp.diff(ts, prepend=t0)
-    if n_steps is not None:
-        size = (ts[-1] - t0) / n_steps
-    else:
-        size = step_size(system, start, solver, tolerance, ts[-1] - t0)
+    duration = ts[-1] - t0
+    size = step_size(system, start, solver, tolerance, duration) if n_steps is None else duration / n_steps
     counts = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
     if even:  # one size for all
         counts = jnp.where(legs > 0, jnp.max(counts), 0.0)

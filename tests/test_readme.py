@@ -15,7 +15,7 @@ README = pathlib.Path(__file__).parent.parent / "README.md"
 def test_example(capsys):
     text = README.read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 2
+    assert len(blocks) == 3
     names: dict = {}
     exec(compile(blocks[0], str(README), "exec"), names)
     assert f"{names['f'][0]:.2f} Hz" in text
@@ -38,3 +38,15 @@ def test_any_rod_any_rung_any_load(capsys):
     assert jnp.allclose(jaxrod.natural_frequencies(best)[:2], exact, rtol=1e-5)
     assert "the run reached its end" in printed and "growth" in printed
     assert names["run"].strain[-1] > 0
+
+
+@pytest.mark.slow
+def test_a_million_rods():
+    """The third example: every scene ends ok, and its derivatives have the signs that they must."""
+    block = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)[2]
+    names: dict = {}
+    exec(compile(block, str(README), "exec"), names)
+    out, slopes = names["out"], names["slopes"]
+    assert (out["result"] == jaxrod.Result.ok).all()
+    assert out["strain"].shape == (256,) and (out["tip"] < 1.2).all()
+    assert (slopes["rate"] > 0).mean() > 0.9 and (slopes["young"] < 0).mean() > 0.9

@@ -101,7 +101,7 @@ def test_each_axial_flow_is_exact(cone, part):
 
     q1, p1 = _run(energy, (jnp.append(eta, psi), jnp.append(p, momentum)), t)
     flows = {
-        "drift": lambda y: split._rotate(split._drift(*split._turned(t), y)),
+        "drift": lambda y: split._rotate(split._drift(split._turned(t), y)),
         "turning": lambda y: split._rotate(split._straighten(t, y)),
         "gravity": lambda y: split._load(0.0, t, y),
     }
