@@ -51,7 +51,7 @@ def elastic(body: Projection, a) -> Float[Array, ""]:
 
 def elastic_embedded(body: Projection, q) -> Float[Array, ""]:
     """The strain energy in q = (1 + eps) d: 1/2 c l0^2 (|q| - 1)^2."""
-    strain = jnp.sqrt(q @ q) - 1
+    strain = jnp.sqrt(jnp.sum(q**2)) - 1
     if body.law is None:
         return body.stiffness_matrix[0, 0] * strain**2 / 2
     return body.rigidity @ body.law(strain[None])
