@@ -83,7 +83,7 @@ def main() -> None:
         "Ritz(1), space": (scene(motion=jaxrod.Spherical(), steps=1250), scene(motion=jaxrod.Spherical(), steps=6000)),
         "Ritz(2), plane": (scene(2, steps=1250), scene(2, steps=6000)),
         "Ritz(3), plane": (scene(3, steps=1300), scene(3, steps=6000)),
-        "Ritz(5), plane": (scene(5, steps=1300), scene(5, steps=6000)),
+        "Ritz(5), plane": (scene(5, steps=1900), scene(5, steps=6000)),
     }
     times = report.paired({name: run(fn, 1024) for name, (fn, _) in kinds.items()}, 5)
     cells = [

@@ -42,7 +42,9 @@ def integrate(
     else:
         given = system
     t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
-    split = system.split(start, t0) if isinstance(solver, AbstractSymplectic) else None
+    split: Any = None
+    if isinstance(solver, AbstractSymplectic):
+        split = system.split(start, t0, solver.small_kicks)
     equations = system if chart is None else system.equations(chart)
     if split is not None:
         term, phase = SplitTerm(split), split.encode(start)

@@ -75,7 +75,7 @@ def step_through(
     enough = taken == counts
     valid = valid & sound & valid_times
 
-    split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0)
+    split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0, solver.small_kicks)
     saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
     reached = valid & (end_only | ((saved.stopped == 0) & enough))

@@ -48,6 +48,7 @@ class AbstractSymplectic(diffrax.AbstractSolver):
     term_structure: ClassVar = SplitTerm
 
     accuracy: ClassVar[int]  # its order
+    small_kicks: ClassVar[bool] = False  # whether it is made for splits whose kicks are small
     needs_nystrom: ClassVar[bool] = False  # whether the order holds for Runge-Kutta-Nystrom splits alone
     first_drifts: ClassVar[tuple[float, ...]]  # the first half; a last one is set so that all make 1
     first_kicks: ClassVar[tuple[float, ...]]
@@ -161,10 +162,12 @@ class BlanesMoan6(AbstractSymplectic):
 class ABA864(AbstractSymplectic):
     """Seven kicks, for splits whose kicks are small: orders 8, 6, 4 in their first, second and higher powers.
 
-    Blanes, Casas, Farres, Laskar, Makazaga, Murua (2013), Appl. Numer. Math. 68, 58: ABA864.
+    The one for stiff rods, uniform strain or not: it splits them as `Axial`, and its steps may be longer than an axial
+    period.  Blanes, Casas, Farres, Laskar, Makazaga, Murua (2013), Appl. Numer. Math. 68, 58: ABA864.
     """
 
     accuracy: ClassVar = 4
+    small_kicks: ClassVar = True
     first_drifts: ClassVar = (0.07113342649822312, 0.2411534279566401, 0.5214117617728147)
     first_kicks: ClassVar = (0.18308368747219722, 0.3107828598985748, -0.0265646185119588)
 

@@ -313,10 +313,10 @@ class System(eqx.Module):
         kind = Condensed if isinstance(self.basis, QuasiStatic) else Moving
         return kind(self._scene, chart)
 
-    def split(self, start: State, t0=0.0) -> AbstractSplit:
+    def split(self, start: State, t0=0.0, small_kicks: bool = False) -> AbstractSplit:
         """The flows that symplectic solvers compose, for a run from `start`.
 
-        `Flat` where the strain is uniform, `Prescribed` where the rotation is driven, else `Axial`.
+        `Flat` where the strain is uniform, `Prescribed` where the rotation is driven, else, or for `small_kicks`, `Axial`.
 
         **Raises:** `ValueError` where `splits` is not empty.
         """
@@ -326,7 +326,7 @@ class System(eqx.Module):
             )
         if isinstance(self.motion, Driven):
             return Prescribed(self._scene, t0, start)
-        return (Flat if self.splits_flat else Axial)(self._scene, t0, start)
+        return (Flat if self.splits_flat and not small_kicks else Axial)(self._scene, t0, start)
 
     @property
     def splits_flat(self) -> bool:
