@@ -42,12 +42,12 @@ def main() -> None:
             "simulate, Ritz(1), second process": lambda: process(one),
             "simulate, Ritz(3), second process": lambda: process(three),
         }
-        times = report.paired(runs, 5)
+        times = report.paired(runs, 3)
         first = {"jaxrod paper": paper, "simulate, Ritz(1)": one, "simulate, Ritz(3)": three}
         times |= report.paired({f"{name}, empty cache": lambda a=a: cold(a) for name, a in first.items()}, 1)
     least = times["import diffrax, matplotlib"]
     rows = [[name, f"{t:.1f}", f"{t / least:.2f}"] for name, t in times.items()]
-    head = "## Cold start\n\n`python benchmarks/cold_start.py`: whole processes, medians of five in turn (empty cache: one).\n\n"
+    head = "## Cold start\n\n`python benchmarks/cold_start.py`: whole processes, medians of three in turn (empty cache: one).\n\n"
     report.write("cold start", head + report.table(["process", "s", "ratio"], rows))
 
 

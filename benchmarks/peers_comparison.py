@@ -70,6 +70,10 @@ def contenders(n: int, names: list[str]):
             yield lambda dtype=dtype, cores=cores: Library(n, dtype, cores)
     for name in names:
         module = importlib.import_module(f"peers.{name}")
+        if name == "scipy_":
+            for way in ("ode dop853", "solve_ivp DOP853", "odeint LSODA"):
+                yield lambda module=module, way=way: module.SciPy(way)
+            continue
         try:
             count = len(module.peers())
         except Missing as reason:
