@@ -130,7 +130,7 @@ def main() -> None:
         "--only", nargs="*", default=["heyoka_", "c_kernel", "numba_", "diffrax_", "casadi_", "scipy_"], help="peers"
     )
     arguments = parser.parse_args()
-    figure = Figure(figsize=(11, 4.8), layout="constrained")
+    figure = Figure(figsize=(12, 8), layout="constrained")
     text = [
         "## Against others",
         "",
@@ -163,7 +163,7 @@ def main() -> None:
         )
         axes.invert_xaxis()
         axes.grid(alpha=0.3)
-        axes.legend(fontsize=5.5)
+        axes.legend(fontsize=5.5, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
         text += ["", f"Ritz({n}), {arguments.lanes} trajectories:", ""]
         text += [report.table(["solver", "cores", *(f"{x:.0e}" for x in LEVELS[n])], rows)]
     figure.savefig(pathlib.Path(__file__).parent.parent / "docs" / "peers.png", dpi=130)

@@ -126,18 +126,15 @@ def _and_back(arrived: Walker, gradient, perturbed, moving, solver, walker, coun
 
     def step(asked, t, h, y):
         split, table = eqx.combine(asked, rest)
-        return split.closed(solver, table, h, split.step(solver, table, t, h, split.opened(solver, table, h, y)))
+        return split.whole_step(solver, table, t, h, y)
 
     back = split.table(solver, -h)
-
-    def step_back(t, y):
-        return split.closed(solver, back, -h, split.step(solver, back, t, -h, split.opened(solver, back, -h, y)))
 
     def body(carry):
         k, y, y_bar, sums = carry
         k = k - 1
         t = begin + k * h
-        y = step_back(t + h, y)
+        y = split.whole_step(solver, back, t + h, -h, y)
         _, pull = jax.vjp(step, asked, t, h, y)
         asked_bar, t_bar, h_bar, y_bar = pull(y_bar)
         more = (asked_bar, t_bar, h_bar + k * t_bar)

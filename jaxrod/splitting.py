@@ -46,12 +46,6 @@ class Split(NamedTuple):
 class AbstractSplit(eqx.Module):
     """A scene as drift and kick."""
 
-    @property
-    @abc.abstractmethod
-    def nystrom(self) -> bool:
-        """Whether Runge-Kutta-Nystrom coefficients keep their order: the drift is quadratic in the momenta, the kick a
-        function of position alone."""
-
     @abc.abstractmethod
     def encode(self, state: State) -> Split:
         """The numbers of a state."""
@@ -75,6 +69,10 @@ class AbstractSplit(eqx.Module):
     @abc.abstractmethod
     def closed(self, scheme, table, h, y: Split) -> Split:
         """y without the drift that the last step was ahead."""
+
+    def whole_step(self, scheme, table, t, h, y: Split) -> Split:
+        """A step from y to y."""
+        return self.closed(scheme, table, h, self.step(scheme, table, t, h, self.opened(scheme, table, h, y)))
 
     def heading(self, y: Split) -> Any:
         """Coordinates along the director, whose turns are to be counted; None if there are none."""
@@ -127,10 +125,6 @@ class Flat(AbstractSplit):
         self.scene = _held(scene, scene.body)
         loads = self.scene if scene.forces else None
         self.numbers = scattered((Scene(self.scene.motion, lean, self.scene.gravity, ()), loads))
-
-    @property
-    def nystrom(self):
-        return True
 
     def encode(self, state):
         q, v = Embedded().encode(self.scene.motion, _without_center(state))
@@ -247,14 +241,10 @@ class Axial(AbstractSplit):
         self.numbers = scattered((self.modes, self.scene.gravity, loads))
         self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
 
-    @property
-    def nystrom(self):
-        return self.modes.rates.size == 0
-
     def encode(self, state):
-        inertia = self.modes.inertia(self.modes.inverse @ state.amplitudes)
-        momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
         eta = self.modes.inverse @ state.amplitudes
+        inertia = self.modes.inertia(eta)
+        momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
         deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
         d, momentum = scattered((state.direction, jnp.atleast_1d(momentum)))
         return Split(d, momentum, scattered(eta), scattered(deta), jnp.zeros_like(inertia))
@@ -378,10 +368,6 @@ class Prescribed(AbstractSplit):
         self.scene = slack
         self.numbers = scattered((self.modes, slack))
         self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
-
-    @property
-    def nystrom(self):
-        return True
 
     def encode(self, state):
         eta = self.modes.inverse @ state.amplitudes

@@ -109,8 +109,7 @@ class AbstractSymplectic(diffrax.AbstractSolver):
 
 def single_step(solver: AbstractSymplectic, split: AbstractSplit, t, h, y):
     """A step from y to y."""
-    table = split.table(solver, h)
-    return split.closed(solver, table, h, split.step(solver, table, t, h, split.opened(solver, table, h, y)))
+    return split.whole_step(solver, split.table(solver, h), t, h, y)
 
 
 class ShorterStep(diffrax.AbstractLocalInterpolation):

@@ -318,7 +318,7 @@ class System(eqx.Module):
 
         `Flat` where the strain is uniform, `Prescribed` where the rotation is driven, else, or for `small_kicks`, `Axial`.
 
-        **Raises:** `ValueError` where `splits` is not empty.
+        **Raises:** `ValueError` where `unsplit` is not empty.
         """
         if self.unsplit:
             raise ValueError(

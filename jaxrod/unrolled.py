@@ -74,10 +74,6 @@ class Whole(AbstractSplit):
         self.numbers = scattered(self.equations)
         self.field = scattered(watched(system.body.strains))
 
-    @property
-    def nystrom(self):
-        return False
-
     def encode(self, state):
         q, v = self.equations.encode(0.0, state)
         return Split(scattered(q), scattered(v))
