@@ -213,7 +213,33 @@ class AxialModes(eqx.Module):
         return self.moments[0] + self.moments[1:] @ eta
 
 
-class Axial(AbstractSplit):
+class AbstractOscillating(AbstractSplit):
+    """A split whose drift has the oscillators of the axial modes.
+
+    `numbers`: what flows need, number by number, the modes first; `field`: strain of each mode at the places watched.
+    """
+
+    modes: eqx.AbstractVar[AxialModes]
+    numbers: eqx.AbstractVar[Any]
+    field: eqx.AbstractVar[Any]
+
+    @abc.abstractmethod
+    def _drift(self, turned, y: Split) -> Split:
+        """y after a drift, given what `_turned` says of it."""
+
+    def _turned(self, t):
+        """How far the oscillators turn in a time t, and the time."""
+        angles = [rate * t for rate in self.numbers[0].rates]
+        return [jnp.cos(x) for x in angles], [jnp.sin(x) for x in angles], t
+
+    def opened(self, scheme, table, h, y):
+        return self._drift(table[1], y)
+
+    def lowest_strain(self, y):
+        return lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
+
+
+class Axial(AbstractOscillating):
     """Axial normal modes and a director: exact oscillators that turn, whatever their number and stiffness.
 
     The energy T + V with the angular momentum l and J the moment of inertia of the stretched rod is cut in three:
@@ -231,7 +257,7 @@ class Axial(AbstractSplit):
     scene: Scene
     modes: AxialModes
     numbers: Any
-    field: Any  # strain of each mode (n, points) along the rod, number by number
+    field: Any
     center: Center | None
 
     def __init__(self, scene: Scene, t0, start: State):
@@ -263,11 +289,6 @@ class Axial(AbstractSplit):
         ]
         return jax.tree.map(lambda *x: jnp.stack(x), *rows), self._turned(scheme.drifts[0] * h)
 
-    def _turned(self, t):
-        """How far the oscillators turn in a time t, and the time."""
-        angles = [rate * t for rate in self.numbers[0].rates]
-        return [jnp.cos(x) for x in angles], [jnp.sin(x) for x in angles], t
-
     def step(self, scheme, table, t, h, y):
         del scheme, h
 
@@ -279,14 +300,8 @@ class Axial(AbstractSplit):
 
         return jax.lax.scan(stage, y, table[0])[0]
 
-    def opened(self, scheme, table, h, y):
-        del scheme, h
-        return self._drift(table[1], y)
-
     def closed(self, scheme, table, h, y):
-        del scheme, h
-        cos, sin, drift = table[1]
-        return self._rotate(self._drift((cos, [-x for x in sin], -drift), y))
+        return self._rotate(self._drift(_back(table[1]), y))
 
     def _rotate(self, y: Split):
         return y._replace(q=_turned(y.q, y.p, y.turning), turning=jnp.zeros_like(y.turning))
@@ -349,17 +364,14 @@ class Axial(AbstractSplit):
         moment = (d[0] * pull[1] - d[1] * pull[0])[None] if d.size == 2 else jnp.cross(d, pull)
         return moment, push
 
-    def lowest_strain(self, y):
-        return lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
 
-
-class Prescribed(AbstractSplit):
+class Prescribed(AbstractOscillating):
     """A `Driven` rotation: exact oscillators, kicked by the centrifugal pull and by gravity of the moment."""
 
     scene: Scene  # without its stiffness, which the oscillators have
     modes: AxialModes
     numbers: Any
-    field: Any  # as of `Axial`
+    field: Any
 
     def __init__(self, scene: Scene, t0, start: State):
         del t0, start
@@ -383,10 +395,6 @@ class Prescribed(AbstractSplit):
         rows = [(passed * h, kick * h, self._turned(drift * h)) for kick, passed, drift in scheme.stages]
         return jax.tree.map(lambda *x: jnp.stack(x), *rows), self._turned(scheme.drifts[0] * h)
 
-    def _turned(self, t):
-        angles = [rate * t for rate in self.numbers[0].rates]
-        return [jnp.cos(x) for x in angles], [jnp.sin(x) for x in angles]
-
     def step(self, scheme, table, t, h, y):
         del scheme, h
         modes, scene = self.numbers
@@ -401,17 +409,11 @@ class Prescribed(AbstractSplit):
 
         return jax.lax.scan(stage, y, table[0])[0]
 
-    def opened(self, scheme, table, h, y):
-        del scheme, h
-        return self._drift(table[1], y)
-
     def closed(self, scheme, table, h, y):
-        del scheme, h
-        cos, sin = table[1]
-        return self._drift((cos, [-x for x in sin]), y)
+        return self._drift(_back(table[1]), y)
 
     def _drift(self, turned, y: Split):
-        cos, sin = turned
+        cos, sin, _ = turned
         pairs = list(zip(cos, sin, y.strain, y.strain_momentum, strict=True))
         return y._replace(
             strain=y.strain.like([c * x + s * p for c, s, x, p in pairs]),
@@ -427,8 +429,11 @@ class Prescribed(AbstractSplit):
             push = push + equations.force(t, amplitudes, still)
         return modes.shapes.T @ push / scene.body.mass_matrix[0, 0]
 
-    def lowest_strain(self, y):
-        return lowest(y.strain, self.field)
+
+def _back(turned):
+    """The same drift backwards in time."""
+    cos, sin, t = turned
+    return cos, [-x for x in sin], -t
 
 
 def watched(field: Float[Array, "n points"]) -> Float[Array, "n places"]:
