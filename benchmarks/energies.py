@@ -15,8 +15,8 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
+from jaxrod.flat import Flat  # noqa: E402
 from jaxrod.lanes import Numbers  # noqa: E402
-from jaxrod.splitting import Flat  # noqa: E402
 
 STEPS, LANES = 2200, 64
 

@@ -1,5 +1,6 @@
 """The one explicit line: `jaxrod.configure()`."""
 
+import importlib.metadata
 import os
 import pathlib
 import sys
@@ -9,8 +10,9 @@ _done: list[str] = []
 _said: list[bool] = []
 
 # XLA launches each kernel of a loop by itself unless the loop touches fewer bytes than this: then it becomes one function.
-_WHOLE_LOOPS = "xla_cpu_small_while_loop_byte_threshold"
-_LOOP_BYTES = 1 << 21
+_WHOLE_LOOPS = f"xla_cpu_small_while_loop_byte_threshold={1 << 21}"
+# And it computes what two results share once for each, unless kernels may have several results.
+_SHARED_KERNELS = "xla_cpu_use_multi_output_fusion=true"
 
 
 def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "default", devices: int | None = None) -> str:
@@ -23,8 +25,9 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
       `$JAXROD_CACHE`, else `~/.cache/jaxrod`; None keeps none.
     - `devices`: how many CPU devices JAX shows, which `sweep` works on; one for each core, if left out.
 
-    It also has XLA compile the time loop of a block of scenes into one function, with the widest vectors of the machine:
-    without it sweeps take about three times as long.  It adds to what `$XLA_FLAGS` holds.
+    It also has XLA compile the time loop of a block of scenes into one function, of kernels with several results and
+    with the widest vectors of the machine: without it sweeps take about three times as long.  It adds to what `$XLA_FLAGS`
+    holds.
 
     **Raises:** `RuntimeError` if JAX has already computed something: some settings would come too late.
 
@@ -62,15 +65,15 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
 
 
 def loops_are_whole() -> bool:
-    """Whether XLA makes one function of a loop over many lanes, seen on a small one that is compiled for it."""
+    """Whether XLA makes one function of a loop over many lanes, and one kernel of two results, seen on a small one."""
     import jax
     import jax.numpy as jnp
 
     def loop(x):
-        return jax.lax.fori_loop(0, 3, lambda _, x: jnp.sqrt(1 + x * x), x)
+        return jax.lax.fori_loop(0, 3, lambda _, xy: (jnp.sqrt(1 + xy[0] * xy[1]), xy[0] / (1 + xy[1] ** 2)), (x, x))
 
-    lanes = jnp.zeros(1 << 10)
-    return "small_call" in (jax.jit(loop).lower(lanes).compile().as_text() or "")
+    text = jax.jit(loop).lower(jnp.zeros(1 << 10)).compile().as_text() or ""
+    return "small_call" in text and ") fusion(" in text
 
 
 def complain_once() -> None:
@@ -87,9 +90,13 @@ def complain_once() -> None:
 
 
 def _flags(given: str) -> str:
-    flags = given.split()
-    if _WHOLE_LOOPS not in given and "xla_backend_extra_options" not in given:
-        flags.append(f"--xla_backend_extra_options={_WHOLE_LOOPS}={_LOOP_BYTES}")
+    flags, version = given.split(), tuple(int(x) for x in importlib.metadata.version("jaxlib").split(".")[:2])
+    shared = version != (0, 11)  # where nobody has tried it
+    if "xla_backend_extra_options" not in given:
+        flags.append(f"--xla_backend_extra_options={_WHOLE_LOOPS}{',' + _SHARED_KERNELS if shared else ''}")
+        if version == (0, 10) and "xla_cpu_use_fusion_emitters" not in given:
+            # The newer emitters of this version abort on results of different shapes; later ones do not know the flag.
+            flags.append("--xla_cpu_use_fusion_emitters=false")
     if "xla_cpu_prefer_vector_width" not in given:
         flags.append("--xla_cpu_prefer_vector_width=512")
     return " ".join(flags)

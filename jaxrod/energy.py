@@ -50,11 +50,14 @@ def elastic(body: Projection, a) -> Float[Array, ""]:
 
 
 def elastic_embedded(body: Projection, q) -> Float[Array, ""]:
-    """The strain energy in q = (1 + eps) d: 1/2 c l0^2 (|q| - 1)^2."""
-    strain = jnp.sqrt(jnp.sum(q**2)) - 1
+    """The strain energy in q = (1 + eps) d: 1/2 c l0^2 (|q| - 1)^2, but for a constant.
+
+    Multiplied out, 1/2 c l0^2 (|q|^2 - 2 |q|): its gradient, c l0^2 (1 - 1/|q|) q, is the shortest of all forces.
+    """
+    square = jnp.sum(q**2)
     if body.law is None:
-        return body.stiffness_matrix[0, 0] * strain**2 / 2
-    return body.rigidity @ body.law(strain[None])
+        return body.stiffness_matrix[0, 0] * (square / 2 - jnp.sqrt(square))
+    return body.rigidity @ body.law((jnp.sqrt(square) - 1)[None])
 
 
 def gravity_embedded(body: Projection, g, q) -> Float[Array, ""]:

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from .splitting import AbstractSplit, Split
+from .splitting import AbstractSplit, AbstractStepped, Split
 from .tracking import passed
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE = 1, 2, 3, 4
@@ -39,7 +39,9 @@ class Route(eqx.Module):
     even: bool = eqx.field(static=True)
 
 
-def march(solver: Any, split: AbstractSplit, y0: Split, turns, route: Route, backwards: bool) -> tuple[Walker, Walker]:
+def march(
+    solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, backwards: bool
+) -> tuple[Walker, Walker]:
     """The walker at each of `route.ends`, stacked, and at last.  A run that stops stays where it was.
 
     `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
@@ -54,7 +56,7 @@ def march(solver: Any, split: AbstractSplit, y0: Split, turns, route: Route, bac
         h = jnp.where(count > 0, (end - begin) / jnp.maximum(count, 1), 1.0)
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
-        walker = go((split, table, begin, h, walker.y), solver, counted, taken)
+        walker = go((split, begin, h, walker.y), solver, table, counted, taken)
         return walker, walker
 
     legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)
@@ -62,9 +64,9 @@ def march(solver: Any, split: AbstractSplit, y0: Split, turns, route: Route, bac
     return saved, last
 
 
-def _walk(moving, solver: Any, walker: Walker, count) -> Walker:
-    """`count` steps of one size; `moving` is (split, its table, time, step, phase)."""
-    split, table, begin, h, y = moving
+def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
+    """`count` steps of one size; `moving` is (split, time, step, phase)."""
+    split, begin, h, y = moving
 
     def body(carry):
         k, walker = carry
@@ -97,7 +99,7 @@ def _strayed(before, after) -> Int[Array, ""]:
     return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, COLLAPSED, COARSE))
 
 
-def _watched(split: AbstractSplit, walker: Walker, t) -> Walker:
+def _watched(split: AbstractStepped, walker: Walker, t) -> Walker:
     """The walker with the reason why it stops here, if it does.  What it does after that means nothing."""
     lowest = split.lowest_strain(walker.y)
     why = jnp.where(lowest > _LEAST_STRAIN, 0, COLLAPSED)
@@ -110,40 +112,55 @@ def _watched(split: AbstractSplit, walker: Walker, t) -> Walker:
 _walk_reversible = eqx.filter_custom_vjp(_walk)
 
 
-def _there(perturbed, moving, solver, walker, count):
+def _there(perturbed, moving, solver, table, walker, count):
     del perturbed
-    walker = _walk(moving, solver, walker, count)
+    walker = _walk(moving, solver, table, walker, count)
     return walker, walker
 
 
-def _and_back(arrived: Walker, gradient, perturbed, moving, solver, walker, count):
-    """The gradients of `moving`: each step is undone, then its derivative is taken where it began."""
+def _and_back(arrived: Walker, gradient, perturbed, moving, solver, table, walker, count):
+    """The gradients of `moving`: each stage is undone, then its derivative is taken where it began."""
     del walker
-    split, table, begin, h, _ = moving
-    asked, rest = eqx.partition((split, table), jax.tree.map(bool, perturbed[:2]))
+    begin, h = moving[1:3]
+    asked, rest = eqx.partition(moving[0], jax.tree.map(bool, perturbed[0]))
     scale = jnp.where(arrived.stopped == 0, 1.0, 0.0)  # a run that stopped has no derivative
     y_bar = jax.tree.map(lambda x, bar: bar * scale.astype(x.dtype), arrived.y, gradient.y)
 
-    def step(asked, t, h, y):
-        split, table = eqx.combine(asked, rest)
-        return split.whole_step(solver, table, t, h, y)
+    def pulled(function, sums, t, k, y, y_bar):
+        """`sums` and `y_bar` before `function` of (split, t, h, y), at the step k that begins at t."""
+        _, pull = jax.vjp(lambda asked, t, h, y: function(eqx.combine(asked, rest), t, h, y), asked, t, h, y)
+        asked_bar, t_bar, h_bar, y_bar = pull(y_bar)
+        return jax.tree.map(jnp.add, sums, (asked_bar, t_bar, h_bar + k * t_bar)), y_bar
 
-    back = split.table(solver, -h)
+    def open_(split: AbstractSplit, t, h, y):
+        return split.settled(split.opened(solver, table, h, y))
 
-    def body(carry):
+    def close(split: AbstractSplit, t, h, y):
+        return split.closed(solver, table, h, y)
+
+    def step(carry):
         k, y, y_bar, sums = carry
         k = k - 1
         t = begin + k * h
-        y = split.whole_step(solver, back, t + h, -h, y)
-        _, pull = jax.vjp(step, asked, t, h, y)
-        asked_bar, t_bar, h_bar, y_bar = pull(y_bar)
-        more = (asked_bar, t_bar, h_bar + k * t_bar)
-        return k, y, y_bar, jax.tree.map(jnp.add, sums, more)
+
+        def visit(carry, stage, known):
+            y, y_bar, sums = carry
+            y = moving[0].undone(stage, known, t, h, y)
+
+            def ahead(split: AbstractSplit, t, h, y):
+                return split.settled(split.stage(stage, known, t, h, y))
+
+            sums, y_bar = pulled(ahead, sums, t, k, y, y_bar)
+            return y, y_bar, sums
+
+        return k, *moving[0].through(solver, table, visit, (y, y_bar, sums), backwards=True)
 
     sums = jax.tree.map(jnp.zeros_like, (asked, begin, h))
-    _, _, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, body, (count, arrived.y, y_bar, sums))
-    (split_bar, table_bar), begin_bar, h_bar = sums
-    return split_bar, table_bar, begin_bar, h_bar, y_bar
+    y = open_(moving[0], begin, h, arrived.y)
+    sums, y_bar = pulled(close, sums, begin, 0, y, y_bar)
+    _, y, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, step, (count, y, y_bar, sums))
+    (split_bar, begin_bar, h_bar), y_bar = pulled(open_, sums, begin, 0, close(moving[0], begin, h, y), y_bar)
+    return split_bar, begin_bar, h_bar, y_bar
 
 
 _walk_reversible.def_fwd(_there)

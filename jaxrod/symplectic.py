@@ -10,7 +10,7 @@ import diffrax
 import jax
 import jax.numpy as jnp
 
-from .splitting import AbstractSplit
+from .splitting import AbstractSplit, Stage
 
 
 class SplitTerm(diffrax.AbstractTerm):
@@ -68,23 +68,14 @@ class AbstractSymplectic(diffrax.AbstractSolver):
         return len(self.first_drifts) + len(self.first_kicks) + 1
 
     @property
-    def stages(self) -> list[tuple[float, float, float]]:
-        """Kick, the time passed before it, and the drift after it; the last with the first of the next step."""
-        drifts, found, passed = self.drifts, [], 0.0
-        for before, kick, after in zip(drifts, self.kicks, (*drifts[1:-1], 2 * drifts[0]), strict=False):
-            passed += before
-            found.append((kick, passed, after))
-        return found
-
-    @property
-    def halves(self) -> list[tuple[float, float]]:
-        """Each kick as the second half of a first-order step and the first of the next, backwards (McLachlan 1995).
-
-        A kick of two parts that do not commute goes through them in one order for the first, in the other for the second.
-        """
-        found, before = [], self.drifts[0]
-        for drift, kick in zip(self.drifts[1:], self.kicks, strict=True):
-            found.append((before, kick - before))
+    def stages(self) -> list[Stage]:
+        """What a step does; its last drift goes on into the next step's first."""
+        drifts, passed, before, found = self.drifts, 0.0, self.drifts[0], []
+        for ahead, kick, drift, joined in zip(
+            drifts, self.kicks, drifts[1:], (*drifts[1:-1], 2 * drifts[0]), strict=False
+        ):
+            passed += ahead
+            found.append(Stage(passed, before, kick - before, joined))
             before = drift - (kick - before)
         return found
 

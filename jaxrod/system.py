@@ -9,15 +9,17 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks, energy
+from .axial import Axial, Prescribed
 from .basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
+from .flat import Flat
 from .force import AbstractForce
 from .lagrangian import Lagrangian
 from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, heading
 from .projection import Projection
 from .rod import Lumped, Rod
-from .splitting import AbstractSplit, Axial, Flat, Prescribed
+from .splitting import AbstractSplit
 
 
 class System(eqx.Module):

@@ -10,7 +10,7 @@ from .chart import Director, Embedded, Strains
 from .equations import Condensed, Moving
 from .lanes import by_number, gathered, scattered
 from .motion import Driven
-from .splitting import AbstractSplit, Split, lowest, watched
+from .splitting import AbstractStepped, Split, lowest, watched
 from .system import System
 
 
@@ -61,7 +61,7 @@ class Unrolled(diffrax.AbstractSolver):
         return self.method.func(terms, t0, y0, args)
 
 
-class Whole(AbstractSplit):
+class Whole(AbstractStepped):
     """The equations of motion uncut, for `Unrolled`: q and v of a chart."""
 
     equations: Moving | Condensed
@@ -83,12 +83,6 @@ class Whole(AbstractSplit):
 
     def table(self, scheme, h):
         del scheme, h
-
-    def opened(self, scheme, table, h, y):
-        return y
-
-    def closed(self, scheme, table, h, y):
-        return y
 
     def step(self, scheme, table, t, h, y):
         tableau = scheme.method.tableau

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import jaxrod
+from jaxrod.axial import Axial, Prescribed
+from jaxrod.flat import Flat
 from jaxrod.lanes import gathered, scattered
-from jaxrod.splitting import Axial, Flat, Prescribed, Split
+from jaxrod.splitting import Split
 from jaxrod.symplectic import single_step
 
 SPACE = {"azimuth": 0.4, "azimuth_rate": 3.0}
@@ -100,9 +102,10 @@ def test_each_axial_flow_is_exact(cone, part):
         return PARTS[part](modes, q[:-1], p[:-1], q[-1], p[-1])
 
     q1, p1 = _run(energy, (jnp.append(eta, psi), jnp.append(p, momentum)), t)
+
     flows = {
-        "drift": lambda y: split._rotate(split._drift(split._turned(t), y)),
-        "turning": lambda y: split._rotate(split._straighten(t, y)),
+        "drift": lambda y: split._drift(split._circle(t), t, y),
+        "turning": lambda y: split._straighten(t, y),
         "gravity": lambda y: split._load(0.0, t, y),
     }
     found = flows[part](y)

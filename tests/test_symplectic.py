@@ -31,9 +31,11 @@ def test_coefficients(solver):
         assert sum(numbers) == pytest.approx(1.0, abs=1e-15)
         np.testing.assert_allclose(numbers, numbers[::-1], atol=1e-15)
     assert len(solver.drifts) == len(solver.kicks) + 1
-    before, after = np.array(solver.halves).T
+    passed, before, after, drifts = np.array(solver.stages).T
     np.testing.assert_allclose(before + after, solver.kicks, atol=1e-15)
     np.testing.assert_allclose(np.append(before, 0.0) + np.append(0.0, after), solver.drifts, atol=1e-13)
+    np.testing.assert_allclose(passed, np.cumsum(solver.drifts)[:-1], atol=1e-15)
+    assert sum(drifts) == pytest.approx(1.0, abs=1e-15)
 
 
 STEPS = {"StormerVerlet": 400, "BlanesMoan4": 60, "BlanesMoan6": 40, "ABA864": 60}

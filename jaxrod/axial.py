@@ -1,0 +1,314 @@
+"""Oscillators for the axial modes, whatever their number and stiffness: free to turn, or turned as prescribed."""
+
+import math
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import energy
+from .chart import Strains
+from .equations import Moving, Scene
+from .lanes import Numbers, by_number, gathered, scattered
+from .motion import Placement, State
+from .projection import Projection
+from .spectrum import eigh
+from .splitting import AbstractSplit, Center, Split, Stage, held, lowest, per_inertia, watched, with_center
+
+_SERIES = 7  # terms of cos and sin: exact to rounding for turnings up to half a radian
+
+
+class AxialModes(eqx.Module):
+    """The rod in its axial normal modes, per inertia: amplitudes eta with a = shapes @ eta, of mass 1.
+
+    `rates` (n,), natural angular frequencies in rad/s, `periods` (n,) one over them; `arms` (n,) and `rest`: the moment of
+    inertia is rest + |arms + eta|^2, which is 1 at rest; `moments` (n+1,) the first moments; `shapes` (n, n), `inverse` its
+    inverse.
+    """
+
+    rates: Float[Array, " n"]
+    periods: Float[Array, " n"]
+    arms: Float[Array, " n"]
+    rest: Float[Array, ""]
+    moments: Float[Array, " n+1"]
+    shapes: Float[Array, "n n"]
+    inverse: Float[Array, "n n"]
+
+    def __init__(self, body: Projection):
+        body = per_inertia(body)
+        n = body.stiffness_matrix.shape[0]
+        mixed = body.mass_matrix[1:, 0]
+        if n == 0:
+            squares, self.shapes = jnp.zeros_like(mixed), body.stiffness_matrix
+        else:
+            squares, self.shapes = eigh(body.stiffness_matrix, body.strain_mass)
+        self.rates = jnp.sqrt(squares)
+        self.periods = 1 / self.rates
+        self.inverse = self.shapes.T @ body.strain_mass
+        self.arms = self.shapes.T @ mixed
+        self.rest = 1 - self.arms @ self.arms
+        self.moments = jnp.concatenate([body.first_moments[:1], self.shapes.T @ body.first_moments[1:]])
+
+    def inertia(self, eta):
+        """Moment of inertia of the stretched rod."""
+        arms = self.arms + eta
+        return self.rest + arms @ arms
+
+    def moment(self, eta):
+        """First moment of the stretched rod."""
+        return self.moments[0] + self.moments[1:] @ eta
+
+
+class AbstractOscillating(AbstractSplit):
+    """A split whose drift has the oscillators of the axial modes.
+
+    `numbers`: what flows need, number by number, the modes first; `field`: strain of each mode at the places watched.
+    """
+
+    modes: eqx.AbstractVar[AxialModes]
+    numbers: eqx.AbstractVar[Any]
+    field: eqx.AbstractVar[Any]
+
+    def table(self, scheme, h):
+        """Cosine and sine of each oscillator's angle in the drift of each stage, and in the first drift."""
+        drifts = jnp.asarray([stage.drift for stage in scheme.stages], self.modes.rest.dtype)
+        circle = jax.lax.stop_gradient(jax.vmap(self._circle)(drifts * h))
+        return circle, jax.lax.stop_gradient(self._circle(scheme.drifts[0] * h))
+
+    def _circle(self, t):
+        angles = [rate * t for rate in self.numbers[0].rates]
+        return [jnp.cos(x) for x in angles], [jnp.sin(x) for x in angles]
+
+    def _turned(self, circle, t):
+        """A known circle of time t, as the function of the rates and of t that it is."""
+        angles = [rate * t for rate in self.numbers[0].rates]
+        return [_on_circle(c, s, angle) for c, s, angle in zip(*circle, angles, strict=True)]
+
+    def through(self, scheme, table, visit, carry, backwards=False):
+        # In a scan: XLA takes several times as long to compile stages written out, which are no faster.
+        stages = Stage(*(jnp.asarray(x, self.modes.rest.dtype) for x in zip(*scheme.stages, strict=True)))
+        rows = (stages, table[0])
+        return jax.lax.scan(lambda carry, row: (visit(carry, *row), None), carry, rows, reverse=backwards)[0]
+
+    def lowest_strain(self, y):
+        return lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
+
+
+class Axial(AbstractOscillating):
+    """Axial normal modes and a director: exact oscillators that turn, whatever their number and stiffness.
+
+    The energy T + V with the angular momentum l and J the moment of inertia of the stretched rod is cut in three:
+
+    - drift, 1/2 |p|^2 + 1/2 omega^2 eta^2 + 1/2 l^2 (1 - 2 arms . eta): oscillators under a constant pull, whose
+      integral turns the director;
+    - kick, 1/2 l^2 (1/J - 1 + 2 arms . eta): what is left of the turning, of second order in the strain;
+    - kick, gravity and other loads on l and p.
+
+    Nothing is singular at rest, a step may be longer than an axial period, and what is left to the kicks is small.
+    Coordinates: q = director, p = angular momentum (one number in the plane, three in space), strain = eta, and its
+    momentum over the rate.
+    """
+
+    scene: Scene
+    modes: AxialModes
+    numbers: Any
+    field: Any
+    center: Center | None
+
+    def __init__(self, scene: Scene, t0, start: State):
+        self.center = Center.of(scene, t0, start)
+        self.scene, self.modes = held(scene, scene.body), AxialModes(scene.body)
+        loads = self.scene if self.scene.forces else None
+        self.numbers = scattered((self.modes, self.scene.gravity, loads))
+        self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
+
+    def encode(self, state):
+        eta = self.modes.inverse @ state.amplitudes
+        inertia = self.modes.inertia(eta)
+        momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
+        deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
+        d, momentum = scattered((state.direction, jnp.atleast_1d(momentum)))
+        return Split(d, momentum, scattered(eta), scattered(deta), jnp.zeros_like(inertia))
+
+    def decode(self, t, y, turns):
+        d, momentum, eta, deta, _ = gathered(y)
+        spin = momentum / self.modes.inertia(eta)
+        rate = spin * jnp.stack([-d[1], d[0]]) if d.size == 2 else jnp.cross(spin, d)
+        strain, strain_rate = self.modes.shapes @ eta, self.modes.shapes @ (deta * self.modes.rates)
+        return with_center(State(d, rate, strain, strain_rate, turns), self.center, t)
+
+    def opened(self, scheme, table, h, y):
+        return self._drift(table[1], scheme.drifts[0] * h, y)
+
+    def closed(self, scheme, table, h, y):
+        return self.settled(self._drift(_back(table[1]), -scheme.drifts[0] * h, y))
+
+    def stage(self, stage, known, t, h, y):
+        y = self.settled(self._straighten(stage.before * h, y))
+        y = self._load(t + stage.passed * h, stage.kick * h, y)
+        return self._drift(known, stage.drift * h, self._straighten(stage.after * h, y))
+
+    def undone(self, stage, known, t, h, y):
+        y = self.settled(self._straighten(-stage.after * h, self._drift(_back(known), -stage.drift * h, y)))
+        y = self._load(t + stage.passed * h, -stage.kick * h, y)
+        return self.settled(self._straighten(-stage.before * h, y))
+
+    def settled(self, y):
+        return y._replace(q=_rotated(y.q, y.p, y.turning), turning=jnp.zeros_like(y.turning))
+
+    def _drift(self, circle, t, y: Split) -> Split:
+        """The oscillators under a constant pull for a time t; the director is to turn by l int 1/J dt."""
+        modes, square = self.numbers[0], sum(x * x for x in y.p)
+        strain, momentum, swept, pulled = [], [], 0.0, 0.0
+        for (c, s), period, arm, eta, p in zip(
+            self._turned(circle, t), modes.periods, modes.arms, y.strain, y.strain_momentum, strict=True
+        ):
+            drawn = arm * period * period
+            off = eta - square * drawn
+            strain.append(square * drawn + (c * off + s * p))
+            momentum.append(c * p - s * off)
+            swept = swept + arm * period * (s * off + (1 - c) * p)
+            pulled = pulled + arm * drawn
+        turning = y.turning + (t - 2 * (swept + square * pulled * t))
+        return y._replace(strain=y.strain.like(strain), strain_momentum=y.strain.like(momentum), turning=turning)
+
+    def _straighten(self, h, y: Split) -> Split:
+        """The kick of what is left of the turning."""
+        modes, square = self.numbers[0], sum(x * x for x in y.p)
+        if not len(modes.rates):
+            return y
+
+        def rest(modes, eta, square):
+            return energy.kinetic_momentum(modes, eta, square) - square * (1 - 2 * (modes.arms @ eta)) / 2
+
+        push, turning = by_number(jax.grad(rest, argnums=(1, 2)))(modes, y.strain, square)
+        pushed = [p - h * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
+        return y._replace(strain_momentum=y.strain.like(pushed), turning=y.turning + 2 * h * turning)
+
+    def _load(self, t, h, y: Split) -> Split:
+        """The kick of gravity and of forces."""
+        modes, gravity, loads = self.numbers
+        if gravity is None and loads is None:
+            return y
+        moment, push = by_number(self._loads)(modes, gravity, loads, t, y.q, y.strain)
+        pushed = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
+        return y._replace(p=y.p.moved(h, moment), strain_momentum=y.strain.like(pushed))
+
+    def _loads(self, modes: AxialModes, gravity, loads: Scene | None, t, d, eta):
+        """Moment on the rod and force on each mode, per inertia."""
+        pull, push = jnp.zeros_like(d), jnp.zeros_like(eta)
+        if gravity is not None:
+            pull, push = jax.grad(lambda d, eta: -energy.gravity_pivoted(modes, gravity, eta, d), argnums=(0, 1))(
+                d, eta
+            )
+        if loads is not None:
+            amplitudes, still = modes.shapes @ eta, jnp.zeros_like(eta)
+            state = State(d, jnp.zeros_like(d), amplitudes, still, jnp.zeros_like(d[0]))
+
+            def power(virtual_d, virtual_eta):
+                virtual = Placement(virtual_d, modes.shapes @ virtual_eta, None)
+                return loads.power(t, state, virtual) / loads.body.mass_matrix[0, 0]
+
+            more = jax.grad(power, argnums=(0, 1))(jnp.zeros_like(d), still)
+            pull, push = pull + more[0], push + more[1]
+        moment = (d[0] * pull[1] - d[1] * pull[0])[None] if d.size == 2 else jnp.cross(d, pull)
+        return moment, push
+
+
+class Prescribed(AbstractOscillating):
+    """A `Driven` rotation: exact oscillators, kicked by the centrifugal pull and by gravity of the moment."""
+
+    scene: Scene  # without its stiffness, which the oscillators have
+    modes: AxialModes
+    numbers: Any
+    field: Any
+
+    def __init__(self, scene: Scene, t0, start: State):
+        del t0, start
+        self.modes = AxialModes(scene.body)
+        slack = eqx.tree_at(lambda s: s.body.stiffness_matrix, scene, jnp.zeros_like(scene.body.stiffness_matrix))
+        self.scene = slack
+        self.numbers = scattered((self.modes, slack))
+        self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
+
+    def encode(self, state):
+        eta = self.modes.inverse @ state.amplitudes
+        deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
+        return Split(None, None, scattered(eta), scattered(deta))
+
+    def decode(self, t, y, turns):
+        eta, deta = gathered((y.strain, y.strain_momentum))
+        amplitudes, rates = self.modes.shapes @ eta, self.modes.shapes @ (deta * self.modes.rates)
+        return Strains().decode(self.scene.motion, t, amplitudes, rates, turns)
+
+    def opened(self, scheme, table, h, y):
+        return self._drift(table[1], scheme.drifts[0] * h, y)
+
+    def closed(self, scheme, table, h, y):
+        return self._drift(_back(table[1]), -scheme.drifts[0] * h, y)
+
+    def stage(self, stage, known, t, h, y):
+        return self._drift(known, stage.drift * h, self._kick(t + stage.passed * h, stage.kick * h, y))
+
+    def undone(self, stage, known, t, h, y):
+        return self._kick(t + stage.passed * h, -stage.kick * h, self._drift(_back(known), -stage.drift * h, y))
+
+    def _drift(self, circle, t, y: Split):
+        pairs = list(zip(self._turned(circle, t), y.strain, y.strain_momentum, strict=True))
+        return y._replace(
+            strain=y.strain.like([c * x + s * p for (c, s), x, p in pairs]),
+            strain_momentum=y.strain.like([c * p - s * x for (c, s), x, p in pairs]),
+        )
+
+    def _kick(self, t, h, y: Split):
+        modes, scene = self.numbers
+        push = by_number(self._push)(modes, scene, t, y.strain)
+        pushed = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
+        return y._replace(strain_momentum=y.strain.like(pushed))
+
+    def _push(self, modes: AxialModes, scene: Scene, t, eta):
+        equations = Moving(scene, Strains())
+        amplitudes = modes.shapes @ eta
+        still = jnp.zeros_like(amplitudes)
+        push = jax.grad(equations.function, argnums=1)(t, amplitudes, still)
+        if scene.forces:
+            push = push + equations.force(t, amplitudes, still)
+        return modes.shapes.T @ push / scene.body.mass_matrix[0, 0]
+
+
+def _back(circle):
+    """The same angles backwards."""
+    cos, sin = circle
+    return cos, [-x for x in sin]
+
+
+@jax.custom_jvp
+def _on_circle(cos, sin, angle):
+    """cos(angle) and sin(angle), which are known."""
+    del angle
+    return cos, sin
+
+
+@_on_circle.defjvp
+def _along_circle(known, rates):
+    cos, sin = _on_circle(*known)
+    return (cos, sin), (-sin * rates[2], cos * rates[2])
+
+
+def _rotated(d: Numbers, momentum: Numbers, turning) -> Numbers:
+    """The director turned about `momentum` by |momentum| turning."""
+    square = sum(x * x for x in momentum) * (turning * turning)
+    cos, sin = 0.0, 0.0
+    for k in reversed(range(_SERIES)):
+        cos = cos * square + (-1) ** k / math.factorial(2 * k)
+        sin = sin * square + (-1) ** k / math.factorial(2 * k + 1)
+    sin = sin * turning
+    if len(d) == 2:
+        x, y = d
+        sin = sin * momentum[0]
+        return d.like([cos * x - sin * y, cos * y + sin * x])
+    (x, y, z), (a, b, c) = d, momentum
+    across = (b * z - c * y, c * x - a * z, a * y - b * x)
+    return d.like([cos * u + sin * w for u, w in zip(d, across, strict=True)])

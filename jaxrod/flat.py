@@ -1,0 +1,84 @@
+"""Uniform strain, where the kinetic energy is that of a mass point: a mass on a spring."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from . import energy
+from .chart import Embedded
+from .equations import Moving, Scene
+from .lanes import Numbers, by_number, gathered, scattered
+from .motion import State
+from .splitting import AbstractSplit, Center, Split, held, per_inertia, with_center, without_center
+
+
+class Flat(AbstractSplit):
+    """Uniform strain in q = (1 + eps) d: a mass on a spring.  Drift: straight on.  Kick: the gradient of all of V."""
+
+    scene: Scene
+    numbers: Any  # (the scene per inertia, the scene if it has forces), number by number
+    center: Center | None
+
+    def __init__(self, scene: Scene, t0, start: State):
+        self.center = Center.of(scene, t0, start)
+        body = per_inertia(scene.body)
+        rigidity = jnp.sum(body.rigidity, keepdims=True)
+        lean = eqx.tree_at(lambda b: (b.strains, b.rigidity), body, (jnp.ones_like(rigidity)[None], rigidity))
+        self.scene = held(scene, scene.body)
+        loads = self.scene if scene.forces else None
+        self.numbers = scattered((Scene(self.scene.motion, lean, self.scene.gravity, ()), loads))
+
+    def encode(self, state):
+        q, v = Embedded().encode(self.scene.motion, without_center(state))
+        return Split(scattered(q), scattered(v))
+
+    def decode(self, t, y, turns):
+        q, v = gathered((y.q, y.p))
+        return with_center(Embedded().decode(self.scene.motion, t, q, v, turns), self.center, t)
+
+    def table(self, scheme, h):
+        return None
+
+    def through(self, scheme, table, visit, carry, backwards=False):
+        del table
+        for stage in reversed(scheme.stages) if backwards else scheme.stages:
+            carry = visit(carry, stage, None)
+        return carry
+
+    def stage(self, stage, known, t, h, y):
+        del known
+        v = y.p.moved(stage.kick * h, self.force(t + stage.passed * h, y.q))
+        return Split(y.q.moved(stage.drift * h, v), v)
+
+    def undone(self, stage, known, t, h, y):
+        del known
+        q = y.q.moved(-stage.drift * h, y.p)
+        return Split(q, y.p.moved(-stage.kick * h, self.force(t + stage.passed * h, q)))
+
+    def opened(self, scheme, table, h, y):
+        del table
+        return Split(y.q.moved(scheme.drifts[0] * h, y.p), y.p)
+
+    def closed(self, scheme, table, h, y):
+        return self.opened(scheme, table, -h, y)
+
+    def force(self, t, q: Numbers) -> Numbers:
+        """All loads on q, per inertia: minus the gradient of V, and those without a potential."""
+
+        def force(scene, loads, t, q):
+            push = -jax.grad(_embedded_potential, argnums=1)(scene, q)
+            if loads is None:
+                return push
+            return push + Moving(loads, Embedded()).force(t, q, jnp.zeros_like(q)) / loads.body.mass_matrix[0, 0]
+
+        return by_number(force)(*self.numbers, t, q)
+
+    def lowest_strain(self, y):
+        return jnp.sqrt(sum(x * x for x in y.q)) - 1
+
+
+def _embedded_potential(scene: Scene, q):
+    strain = energy.elastic_embedded(scene.body, q)
+    return strain if scene.gravity is None else strain + energy.gravity_embedded(scene.body, scene.gravity, q)
