@@ -7,6 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
 from . import continuum
@@ -83,9 +84,10 @@ def integrate(
     )  # fmt: skip
 
     saved = jnp.isfinite(raw.ts["run"]) & valid
-    states = jax.tree.map(
-        lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), raw.ys["run"]
-    )  # fmt: skip
+    states = raw.ys["run"]
+    if saveat is None:
+        states = jax.vmap(ravel_pytree(decode(t0, y0))[1])(states)
+    states = jax.tree.map(lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
     stats["t_end"] = raw.ts["end"][-1]
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
@@ -196,14 +198,20 @@ def _least_step(duration):
 
 
 def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
-    given = diffrax.SubSaveAt(t1=True) if ts is None else diffrax.SubSaveAt(ts=ts)
-    run = given if saveat is None else saveat.subs
-    inner = run.fn
+    if saveat is None:  # in one array: of several that a loop writes, XLA may copy each as a whole for every row
 
-    def fn(t, y, args):
-        return inner(t, decode(t, y), args)
+        def packed(t, y, args):
+            del args
+            return ravel_pytree(decode(t, y))[0]
 
-    run = eqx.tree_at(lambda sub: sub.fn, run, fn)
+        run = diffrax.SubSaveAt(t1=ts is None, ts=ts, fn=packed)
+    else:
+        inner = saveat.subs.fn
+
+        def decoded(t, y, args):
+            return inner(t, decode(t, y), args)
+
+        run = eqx.tree_at(lambda sub: sub.fn, saveat.subs, decoded)
     return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
 
 

@@ -4,6 +4,7 @@ A symmetric method undoes its own steps: the step by -h from where a step by h e
 rounding.  So the reverse derivative needs no stored states: its memory does not grow with the number of steps.
 """
 
+import math
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -39,10 +40,8 @@ class Route(eqx.Module):
     even: bool = eqx.field(static=True)
 
 
-def march(
-    solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, backwards: bool
-) -> tuple[Walker, Walker]:
-    """The walker at each of `route.ends`, stacked, and at last.  A run that stops stays where it was.
+def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, backwards: bool) -> Walker:
+    """The walker at each of `route.ends`, stacked.  A run that stops stays where it was.
 
     `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
     """
@@ -57,11 +56,35 @@ def march(
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
         walker = go((split, begin, h, walker.y), solver, table, counted, taken)
-        return walker, walker
+        return walker, _packed(walker)
 
     legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)
-    last, saved = jax.lax.scan(leg, start, legs)
-    return saved, last
+    return jax.vmap(lambda row: _unpacked(row, start))(_in_blocks(leg, start, legs))
+
+
+def _in_blocks(leg, start: Walker, legs) -> Float[Array, "T numbers"]:
+    """A scan over `legs` in scans over some of them: of several arrays that a loop writes, as derivatives do, XLA may copy
+    each as a whole for every row."""
+    count = legs[0].shape[0]
+    size = math.isqrt(count - 1) + 1
+    padding = -count % size  # by legs of no steps
+
+    def blocks(x):
+        return jnp.pad(x, (0, padding), mode="edge" if jnp.issubdtype(x.dtype, jnp.floating) else "constant").reshape(
+            -1, size
+        )
+
+    _, saved = jax.lax.scan(lambda walker, block: jax.lax.scan(leg, walker, block), start, jax.tree.map(blocks, legs))
+    return saved.reshape(-1, saved.shape[-1])[:count]
+
+
+def _packed(walker: Walker) -> Float[Array, " numbers"]:
+    return jnp.stack([x.astype(walker.t.dtype) for x in jax.tree.leaves(walker)])
+
+
+def _unpacked(row: Float[Array, " numbers"], like: Walker) -> Walker:
+    leaves, structure = jax.tree.flatten(like)
+    return jax.tree.unflatten(structure, [x.astype(leaf.dtype) for x, leaf in zip(row, leaves, strict=True)])
 
 
 def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:

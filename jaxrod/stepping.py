@@ -76,7 +76,8 @@ def step_through(
     valid = valid & sound & valid_times
 
     split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0, solver.small_kicks)
-    saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
+    saved = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
+    last = jax.tree.map(lambda x: x[-1], saved)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
     reached = valid & (end_only | ((saved.stopped == 0) & enough))
     code = Result.where(last.stopped == COLLAPSED, Result.collapsed, Result.ok)
