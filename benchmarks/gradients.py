@@ -47,7 +47,7 @@ def main() -> None:
     head = (
         "## Derivatives\n\n`python benchmarks/gradients.py`: Figure 2, 10 s, 64 lanes on one core. Forwards costs a run for "
         "each parameter; backwards, by running the steps back, all of them at once in memory that does not grow with the "
-        "steps. Take `adjoint=diffrax.ForwardMode()` for up to about four parameters, the default for more.\n\n"
+        "steps. Take `adjoint=diffrax.ForwardMode()` for one or two parameters, the default for more.\n\n"
     )
     report.write("gradients", head + report.table(["rod", "what", "us per trajectory", "over the run"], rows))
 

@@ -7,6 +7,7 @@ from . import plot as plot
 from .basis import ForceRitz as ForceRitz
 from .basis import QuasiStatic as QuasiStatic
 from .basis import Ritz as Ritz
+from .budget import Budget as Budget
 from .chart import Angles as Angles
 from .chart import Director as Director
 from .chart import Embedded as Embedded
@@ -37,6 +38,12 @@ from .motion import Flight as Flight
 from .motion import Rotation as Rotation
 from .motion import Spherical as Spherical
 from .motion import State as State
+from .quantity import AbstractQuantity as AbstractQuantity
+from .quantity import FinalAngle as FinalAngle
+from .quantity import FinalTip as FinalTip
+from .quantity import FirstFrequency as FirstFrequency
+from .quantity import LargestStrain as LargestStrain
+from .quantity import Measured as Measured
 from .result import Result as Result
 from .result import SimulationError as SimulationError
 from .rod import Lumped as Lumped

@@ -55,7 +55,7 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
         home = os.environ.get("JAXROD_CACHE", pathlib.Path.home() / ".cache" / "jaxrod")
         folder = pathlib.Path(home if cache == "default" else cache)
         jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.2)
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)  # many small ones add up
         said.append(f"compiled programs kept in {folder}")
     said.append("loops compiled whole" if loops_are_whole() else "loops NOT compiled whole: sweeps take longer")
     if late:

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks
+from .quadrature import gauss
 from .rod import Rod
 
 
@@ -41,7 +42,7 @@ def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
     """The rod on `order` nodes for each panel; panels end at `at` (m) too."""
     dtype = checks.float_type(rod, at)
     ends = panel_ends(rod, at)
-    x, w = (jnp.asarray(column, dtype) for column in np.polynomial.legendre.leggauss(order))
+    x, w = (jnp.asarray(column, dtype) for column in gauss(order))
     half = jnp.diff(ends)[:, None] / 2
     s, ds = (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
     panels = half.shape[0]
@@ -82,7 +83,7 @@ def panel_ends(rod: Rod, at: list[Float[Array, ""]]) -> Float[Array, " panels+1"
 
 def _running_integral(order: int) -> np.ndarray:
     """K with int_-1^x_i f = sum_j K_ij w_j f(x_j), exact for polynomials: sum over k of P_k(x_j) int_-1^x_i P_k (2k+1)/2."""
-    x, _ = np.polynomial.legendre.leggauss(order)
+    x, _ = gauss(order)
     legendre = np.polynomial.legendre.legvander(x, order)
     before = np.concatenate([-np.ones((order, 1)), legendre[:, : order - 1]], axis=1)
     return (legendre[:, 1:] - before) @ legendre[:, :order].T / 2

@@ -1,11 +1,14 @@
 """Integrals along the rod: Gauss-Legendre points on panels, between which nothing jumps."""
 
+import functools
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+gauss = functools.cache(np.polynomial.legendre.leggauss)  # nodes and weights of an order on [-1, 1]
 
 
 class Panels(eqx.Module):
@@ -20,13 +23,13 @@ class Panels(eqx.Module):
     @property
     def s(self) -> Float[Array, " points"]:
         """The points, panel after panel."""
-        x, _ = np.polynomial.legendre.leggauss(self.order)
+        x, _ = gauss(self.order)
         return (self.ends[:-1, None] + self._half()[:, None] * jnp.asarray(1 + x, self.ends.dtype)[None, :]).reshape(-1)
 
     @property
     def ds(self) -> Float[Array, " points"]:
         """Their weights."""
-        _, w = np.polynomial.legendre.leggauss(self.order)
+        _, w = gauss(self.order)
         return (self._half()[:, None] * jnp.asarray(w, self.ends.dtype)[None, :]).reshape(-1)
 
     def running(self, values: Float[Array, "k points"]) -> Float[Array, "k points"]:
@@ -38,7 +41,7 @@ class Panels(eqx.Module):
         return self._running(values, upwards=False)
 
     def _running(self, values, upwards: bool):
-        x, w = np.polynomial.legendre.leggauss(self.order)
+        x, w = gauss(self.order)
         within = _integrals(x) @ _series(self.order)
         within = within if upwards else w[None, :] - within
         panels = values.reshape(len(values), -1, self.order)
@@ -66,7 +69,7 @@ class Panels(eqx.Module):
 
 def _series(order: int) -> np.ndarray:
     """From values at the points of a panel to the coefficients of their Legendre series."""
-    x, w = np.polynomial.legendre.leggauss(order)
+    x, w = gauss(order)
     return (np.arange(order) + 0.5)[:, None] * np.polynomial.legendre.legvander(x, order - 1).T * w
 
 

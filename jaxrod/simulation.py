@@ -7,6 +7,7 @@ top, up to 6e-7 for each radian turned.
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any
 
 import diffrax
@@ -17,10 +18,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks
+from .budget import budget_of
 from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, Flight, State
+from .quantity import AbstractQuantity, Measured
 from .result import Result, SimulationError
 from .solution import Solution
 from .stepping import best_solver, step_through
@@ -85,6 +88,7 @@ def simulate(
     adjoint: diffrax.AbstractAdjoint | None = None,
     progress_meter: diffrax.AbstractProgressMeter | None = None,
     max_steps: int = 2**20,
+    budget: AbstractQuantity | Callable | None = None,
     throw: bool = True,
 ) -> Solution:
     """Motion of `system` from `start` at time `t0`.
@@ -101,6 +105,8 @@ def simulate(
     - `solver`, `stepsize_controller`, `dt0`, `saveat`, `event`, `adjoint`, `progress_meter`, `max_steps`: as in
       `diffrax.diffeqsolve`.  `SaveAt(fn=)` and events receive a `State`.  `solver` alone keeps the default step size
       control, `dt0` alone takes constant steps.  Forward-mode derivatives need `adjoint=diffrax.ForwardMode()`.
+    - `budget`: a quantity, such as `jaxrod.FinalTip()`, or a function of the solution, whose error is measured by four
+      more runs: `sol.budget`.
     - `throw`: raise `SimulationError` if the run does not reach its end.  Under a transformation nothing is raised.
 
     **Returns:** a `Solution`.  Whatever could not be computed is NaN there, and `result` says why.
@@ -184,6 +190,19 @@ def simulate(
         solution = adapt(chosen, why)
     if throw and checks.known(solution.stats["num_steps"]) and not np.all(solution.ok):
         raise SimulationError(solution.complaint(), solution)
+    if budget is not None:
+        if not isinstance(system, System) or not isinstance(start, State):
+            raise ValueError(f"budget={budget!r} is of a System; of any Lagrangian compare runs of two tolerances.")
+
+        times = {"t1": t1, "saveat": saveat} if ts is None else {"ts": ts}
+        same = {"t0": t0, **times, "event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
+
+        def again(system, start, least=None):
+            steps = {"tolerance": tolerance, "chart": chart, **step_keywords} if least is None else {"tolerance": least}
+            return simulate(system, start, **same, **steps)
+
+        quantity = budget if isinstance(budget, AbstractQuantity) else Measured(budget)
+        solution = dataclasses.replace(solution, budget=budget_of(quantity, system, start, solution, again))
     return solution
 
 

@@ -27,7 +27,7 @@ class Solution(eqx.Module):
 
     `ts` (T,) in s; `states`, a `State` with leading axis T (for a `Lagrangian` a pair q, v; with `SaveAt(fn=)` what it
     returned); `result`, a code of `Result`; `stats`, counts of steps and `t_end`, the time in s the run reached;
-    `method`, solver and coordinates.  What the run did not reach is NaN.
+    `method`, solver and coordinates; `budget`, the error of a quantity, if asked for.  What the run did not reach is NaN.
     """
 
     ts: Float[Array, "*scenes T"]
@@ -36,6 +36,7 @@ class Solution(eqx.Module):
     stats: dict[str, Array]
     system: System | Lagrangian
     method: str = eqx.field(static=True)
+    budget: Any = None
 
     @property
     def ok(self) -> Bool[Array, "*scenes"]:
@@ -123,6 +124,8 @@ class Solution(eqx.Module):
                 values = getattr(self, name)
                 lines.append(f"{name:>8}: {jnp.nanmin(values):.6g} .. {jnp.nanmax(values):.6g} {unit}".rstrip())
             lines += [f"left out: {line}" for line in self._left_out()]
+        if self.budget is not None:
+            lines.append(str(self.budget))
         return "\n".join(lines)
 
     def _left_out(self) -> list[str]:

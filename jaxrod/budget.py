@@ -1,0 +1,108 @@
+"""How wrong is this number?  The error of a run in three parts, each measured by another run.
+
+- *Model*: the same motion with more strain shapes, and with still more; what is left beyond them is taken to be no more
+  than what the last ones changed.
+- *Step*: the same scene at the least tolerance that its float type reaches.
+- *Rounding*: by how much a start that is off by a relative 1e-7 moves the answer, times the rounding of the numbers,
+  times the square root of the number of steps.
+
+An error that reaches a quarter of the range of the quantity is no error bound but a lost phase, and is said to have none.
+"""
+
+import dataclasses
+from collections.abc import Callable
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from .ladder import on_rung
+from .limits import ModelLimits, model_limits
+from .load_basis import LoadRitz
+from .motion import State
+from .quantity import AbstractQuantity
+from .rod import Rod
+from .solution import Solution
+from .system import System
+
+_FLOOR = 1e-12  # no bound is below it
+_LOST = 0.25  # of the range: beyond it the phase is lost
+_SHAPES = ((6, 3), (9, 6))  # of the runs with more shapes: at least, and more than the run itself
+_LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}
+_TOLERANCE = {"float64": 1e-10, "float32": 1e-5}  # of the runs with more shapes
+_NUDGE = {"float64": 1e-7, "float32": 1e-3}
+
+
+class Budget(eqx.Module):
+    """A quantity of a run and its error; it prints itself.  All in the quantity's unit, of its shape.
+
+    `value`; `model`, `step` and `rounding`, the parts of the error; `span`, the range of the quantity; `limits`, what the
+    model of a straight rod leaves out, in numbers (None for a `Lumped` body, of which `model` is zero: it is its own model).
+    """
+
+    value: Float[Array, "*numbers"]
+    model: Float[Array, "*numbers"]
+    step: Float[Array, "*numbers"]
+    rounding: Float[Array, "*numbers"]
+    span: Float[Array, ""]
+    limits: ModelLimits | None
+    name: str = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+
+    @property
+    def bounded(self) -> Bool[Array, "*numbers"]:
+        """Whether there is a bound: not where the phase is lost."""
+        return self.model + self.step + self.rounding < _LOST * self.span
+
+    @property
+    def bound(self) -> Float[Array, "*numbers"]:
+        """Sum of the parts, at least 1e-12; inf where there is no bound."""
+        return jnp.where(self.bounded, jnp.maximum(self.model + self.step + self.rounding, _FLOOR), jnp.inf)
+
+    def __str__(self):
+        lines = []
+        for index in np.ndindex(self.value.shape):
+            at = f"[{', '.join(map(str, index))}]" if index else ""
+            parts = ", ".join(
+                f"{name} {float(getattr(self, name)[index]):.1e}" for name in ("model", "step", "rounding")
+            )
+            bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else "no bound: the phase is lost"
+            lines.append(f"{self.name}{at} = {float(self.value[index]):.10g} {self.unit} {bound} ({parts})")
+        lines += [] if self.limits is None else [f"left out: {line}" for line in str(self.limits).splitlines()]
+        return "\n".join(lines)
+
+
+def budget_of(
+    quantity: AbstractQuantity, system: System, start: State, solution: Solution, run: Callable[..., Solution]
+) -> Budget:
+    """The error of `quantity` of `solution`.  `run(system, start)` runs as it was run, `run(system, start, tolerance)` by the
+    default solver to a tolerance."""
+    name = jnp.dtype(start.direction.dtype).name
+    value, exact = quantity(solution), quantity.exact(system)
+    zero, eps = jnp.zeros_like(value), jnp.finfo(value.dtype).eps
+    span = jnp.asarray(quantity.span(system), value.dtype)
+    limits = model_limits(system) if isinstance(system.rod, Rod) else None
+    if exact is not None:
+        return Budget(
+            value, jnp.abs(value - exact), zero, 100 * eps * jnp.abs(value), span, limits, quantity.name, quantity.unit
+        )
+
+    fine = quantity(run(system, start, _LEAST_TOLERANCE[name]))
+    moved = jnp.abs(quantity(run(system, _nudged(start, _NUDGE[name]))) - value) / _NUDGE[name]
+    rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
+    model = zero
+    if isinstance(system.rod, Rod):
+        bases = [LoadRitz(max(n, system.basis.n + more)) for n, more in _SHAPES]
+        less, more = (quantity(run(*on_rung(system, start, basis), _TOLERANCE[name])) for basis in bases)
+        model = jnp.abs(fine - more) + jnp.abs(more - less)
+    model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
+    return Budget(value, model, step, rounding, span, limits, quantity.name, quantity.unit)
+
+
+def _nudged(start: State, by: float) -> State:
+    """A start turned by about `by` rad, and faster by that part."""
+    d = start.direction + by * jnp.ones_like(start.direction)
+    d = d / jnp.sqrt(d @ d)
+    rate = (1 + by) * start.direction_rate
+    return dataclasses.replace(start, direction=d, direction_rate=rate - d * (d @ rate))

@@ -1,0 +1,112 @@
+"""What one wants to know of a run: numbers with a unit, and the range that they can lie in."""
+
+import abc
+from collections.abc import Callable
+from typing import Any, ClassVar
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import continuum
+from .modal import natural_frequencies
+from .rod import Rod
+from .system import System
+
+
+class AbstractQuantity(eqx.Module):
+    """A function of a solution, with a unit."""
+
+    name: eqx.AbstractVar[str]
+    unit: eqx.AbstractVar[str]  # empty if it has none
+
+    @abc.abstractmethod
+    def __call__(self, solution: Any) -> Float[Array, "*numbers"]:
+        """Of a `Solution`, or of anything else with its angle, tip, strain."""
+
+    def span(self, system: System) -> Float[Array, ""]:
+        """The largest difference that two answers can have; inf where there is none."""
+        del system
+        return jnp.asarray(jnp.inf)
+
+    def exact(self, system: System) -> Float[Array, "*numbers"] | None:
+        """Of the exact rod, where that is known without a run."""
+        del system
+        return None
+
+
+class FirstFrequency(AbstractQuantity):
+    """The first axial natural frequency in Hz: of the scene, whatever moves."""
+
+    name: ClassVar[str] = "first frequency"
+    unit: ClassVar[str] = "Hz"
+
+    def __call__(self, solution):
+        return natural_frequencies(solution.system)[0]
+
+    def exact(self, system):
+        return continuum.natural_frequencies(system, 1)[0] if isinstance(system.rod, Rod) else None
+
+
+class LargestStrain(AbstractQuantity):
+    """The largest elongation over length, either way, at the times that are saved."""
+
+    name: ClassVar[str] = "largest strain"
+    unit: ClassVar[str] = ""
+
+    def __call__(self, solution):
+        return jnp.max(jnp.abs(solution.strain), axis=-1)
+
+
+class FinalAngle(AbstractQuantity):
+    """The angle above the horizontal in rad at the last time; in the plane counted over all turns.
+
+    Beyond a radian an error of the angle means that the phase is lost.
+    """
+
+    name: ClassVar[str] = "angle"
+    unit: ClassVar[str] = "rad"
+
+    def __call__(self, solution):
+        return solution.angle[..., -1]
+
+    def span(self, system):
+        return jnp.asarray(4.0)
+
+
+class FinalTip(AbstractQuantity):
+    """The position of the tip in m at the last time, (D,)."""
+
+    name: ClassVar[str] = "tip"
+    unit: ClassVar[str] = "m"
+
+    def __call__(self, solution):
+        return solution.tip[..., -1, :]
+
+    def span(self, system):
+        return 2 * system.rod.length
+
+
+class Measured(AbstractQuantity):
+    """A quantity of your own: `function` of a solution, its `unit`, and how far apart answers can lie at the most.
+
+    >>> import jaxrod
+    >>> jaxrod.Measured(lambda sol: sol.energy[-1], "J").unit
+    'J'
+    """
+
+    function: Callable[[Any], Array]
+    unit: str = eqx.field(static=True)
+    largest: Any
+    name: str = eqx.field(static=True)
+
+    def __init__(
+        self, function: Callable[[Any], Array], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"
+    ):
+        self.function, self.unit, self.largest, self.name = function, unit, largest, name
+
+    def __call__(self, solution):
+        return jnp.asarray(self.function(solution))
+
+    def span(self, system):
+        return jnp.asarray(self.largest)

@@ -1,0 +1,92 @@
+"""The error that a run states is the error that it has."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrod
+from jaxrod.ladder import on_rung
+
+# The exact rod of the paper's Figure 2 from a sudden start (unstretched): 80 exact modes and Richardson's limit of finite
+# elements agree in these digits.
+ANGLE = 28.9782615555
+
+
+def _scene(cone, basis):
+    system = jaxrod.System(cone, jaxrod.Rotation(), basis, gravity=9.81)
+    return system, system.state(rate=15.0)
+
+
+@pytest.mark.parametrize("basis", [jaxrod.Ritz(1), jaxrod.Ritz(3)], ids=["1", "3"])
+def test_angle_of_the_exact_rod(cone, basis):
+    system, start = _scene(cone, basis)
+    budget = jaxrod.simulate(system, start, t1=2.0, budget=jaxrod.FinalAngle()).budget
+    off = abs(float(budget.value) - ANGLE)
+    assert bool(budget.bounded) and off < float(budget.bound) < 3 * off
+    assert float(budget.model) > 1e3 * float(budget.step + budget.rounding)
+    assert "rad ±" in str(budget) and "bending" in str(budget)
+
+
+def test_first_frequency_against_the_exact_one(cone):
+    system, start = _scene(cone, jaxrod.Ritz(1))
+    budget = jaxrod.simulate(system, start, t1=0.01, budget=jaxrod.FirstFrequency()).budget
+    exact = 120.88186175927 / (2 * np.pi)
+    np.testing.assert_allclose(budget.model, abs(float(budget.value) - exact), rtol=1e-9)
+
+
+def test_steps_that_are_too_long_are_seen(cone):
+    """With few steps the error of the steps is the largest part, and is what it is said to be."""
+    system, start = _scene(cone, jaxrod.Ritz(3))
+    coarse = jaxrod.simulate(system, start, t1=0.5, n_steps=25, solver=jaxrod.ABA864(), budget=jaxrod.FinalTip())
+    fine = jaxrod.simulate(system, start, t1=0.5, tolerance=1e-12)
+    np.testing.assert_allclose(coarse.budget.step, jnp.abs(coarse.tip[-1] - fine.tip[-1]), rtol=1e-6)
+    assert jnp.max(coarse.budget.step) > 1e-7
+
+
+def test_a_lost_phase_has_no_bound(cone):
+    """Ten seconds after a sudden start uniform strain is more than a radian behind the rod."""
+    system, start = _scene(cone, jaxrod.Ritz(1))
+    budget = jaxrod.simulate(system, start, t1=10.0, budget=jaxrod.FinalAngle()).budget
+    assert not bool(budget.bounded) and np.isinf(budget.bound)
+    assert "no bound" in str(budget)
+
+
+def test_own_quantities_and_lumped_bodies():
+    """A function of the solution; of a body without shapes there is no error of the model."""
+    system = jaxrod.paper.literal()
+    budget = jaxrod.simulate(system, system.state(rate=15.0), t1=0.2, budget=lambda sol: sol.energy[-1]).budget
+    assert float(budget.model) == 0 and 0 < float(budget.bound) < 1e-8
+    with pytest.raises(ValueError, match="Lumped"):
+        on_rung(system, system.state(), jaxrod.Ritz(3))
+
+
+@pytest.mark.slow
+def test_budgets_under_vmap(cone):
+    """Of many scenes at once, as of one."""
+    system, _ = _scene(cone, jaxrod.Ritz(2))
+
+    def parts(rate):
+        budget = jaxrod.simulate(system, system.state(rate=rate), t1=0.2, budget=jaxrod.FinalAngle()).budget
+        return budget.value, budget.model, budget.bound
+
+    rates = jnp.array([10.0, 15.0])
+    many, one = jax.vmap(parts)(rates), parts(rates[1])
+    for a, b in zip(many, one, strict=True):
+        np.testing.assert_allclose(a[1], b, rtol=1e-3)
+
+
+@pytest.mark.parametrize("pivot", [0.0, 0.3])
+def test_a_richer_rung_keeps_the_strain(cone, pivot):
+    """Uniform strain is uniform in every basis that has it, and the nearest field elsewhere."""
+    system = jaxrod.System(cone, jaxrod.Rotation(pivot), jaxrod.Ritz(1))
+    start = system.state(rate=3.0, strain=0.02, strain_rate=0.5)
+    for basis, tolerance in ((jaxrod.Ritz(4), 1e-12), (jaxrod.LoadRitz(6), 0.1)):  # whose tips are free of stress
+        raised, state = on_rung(system, start, basis)
+        np.testing.assert_allclose(raised.tip(state), system.tip(start), atol=0.02 * tolerance)
+        np.testing.assert_allclose(raised.energy(state), system.energy(start), rtol=tolerance)
+    lowered, back = on_rung(*on_rung(system, start, jaxrod.Ritz(4)), jaxrod.Ritz(1))
+    np.testing.assert_allclose(back.amplitudes, start.amplitudes, rtol=1e-12)
+    assert lowered == dataclasses.replace(system, basis=lowered.basis)
