@@ -1,6 +1,7 @@
 from . import claims as claims
 from . import continuum as continuum
 from . import energy as energy
+from . import ladder as ladder
 from . import law as law
 from . import paper as paper
 from . import plot as plot
