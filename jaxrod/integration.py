@@ -31,7 +31,7 @@ def integrate(
     system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
     progress_meter, max_steps,
 ):  # fmt: skip
-    valid, given_ts = t1 > t0, ts
+    valid, given_ts, given_start = t1 > t0, ts, start
     if ts is not None:
         valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
         ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
@@ -88,6 +88,7 @@ def integrate(
     )  # fmt: skip
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
     stats["t_end"] = raw.ts["end"][-1]
+    stats["step"] = (stats["t_end"] - t0) / jnp.maximum(stats["num_accepted_steps"], 1)
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
     room = jnp.ones(3) if margin is None else margin(decode(t_end, last))
     return Solution(
@@ -96,6 +97,7 @@ def integrate(
         result=_result(raw, _finite(last), room, valid, event is not None),
         stats=stats,
         system=given,
+        start=given_start,
         method=", ".join(type(x).__name__ for x in (solver, split or chart) if x is not None),
     )
 

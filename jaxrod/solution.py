@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from . import checks
 from .lagrangian import Lagrangian
+from .ledger import Ledger, account
 from .limits import model_limits
 from .motion import State
 from .result import Result
@@ -26,8 +27,8 @@ class Solution(eqx.Module):
     """A run: times, states and how it ended.  Leading axes (T, ...) are times; under `vmap` scenes come before them.
 
     `ts` (T,) in s; `states`, a `State` with leading axis T (for a `Lagrangian` a pair q, v; with `SaveAt(fn=)` what it
-    returned); `result`, a code of `Result`; `stats`, counts of steps and `t_end`, the time in s the run reached;
-    `method`, solver and coordinates.  What the run did not reach is NaN.
+    returned); `result`, a code of `Result`; `stats`, counts of steps, the mean `step` in s and `t_end`, the time in s the
+    run reached; `start`, where it began; `method`, solver and coordinates.  What the run did not reach is NaN.
     """
 
     ts: Float[Array, "*scenes T"]
@@ -35,6 +36,7 @@ class Solution(eqx.Module):
     result: Result
     stats: dict[str, Array]
     system: System | Lagrangian
+    start: Any
     method: str = eqx.field(static=True)
 
     @property
@@ -97,6 +99,16 @@ class Solution(eqx.Module):
         """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s."""
         return self._each(_angular_momentum)
 
+    @property
+    def ledger(self) -> Ledger:
+        """Change of energy and angular momentum, largest strain, room to collapse, largest turning in a step.
+
+        **Raises:** `ValueError` for a `Lagrangian`, and where `SaveAt(fn=)` saved something else than states.
+        """
+        if not isinstance(self.system, System) or not isinstance(self.states, State):
+            raise ValueError("a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=.")
+        return _account(self.ts.ndim - 1, self.system, self.start, self.states, self.stats["step"])
+
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
         return self._each(jax.tree_util.Partial(_shape, jnp.asarray(s)))
@@ -151,6 +163,14 @@ def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
     for _ in range(scenes):
         over = jax.vmap(over)
     return over(system, ts, states)
+
+
+@eqx.filter_jit
+def _account(scenes: int, system, start, states, step) -> Ledger:
+    of_one = account
+    for _ in range(scenes):
+        of_one = jax.vmap(of_one)
+    return of_one(system, start, states, step)
 
 
 def _tip(system, t, state):

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .equations import eigenvalues
+from .ledger import energy_change
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motion import Driven, Flight, State
 from .result import Result
@@ -61,7 +62,7 @@ def step_through(
     system, start, t0, ts, solver, n_steps, tolerance, even, end_only, max_steps, backwards
 ) -> Solution:  # fmt: skip
     """A run that saves at `ts` (T,), or where it ends: by `n_steps` equal steps in all, or by as many as `tolerance` takes."""
-    given, given_ts = system, ts
+    given, given_ts, given_start = system, ts, start
     # What is invalid is run with ones for all its numbers: its own would keep its neighbours waiting.  Times, scene and
     # start each by itself, so that what is common to all lanes stays so under `vmap`.
     valid_times = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0)
@@ -97,8 +98,10 @@ def step_through(
             "num_accepted_steps": steps,
             "num_rejected_steps": jnp.zeros_like(steps),
             "t_end": last.t,
+            "step": (last.t - t0) / jnp.maximum(steps, 1),
         },
         system=given,
+        start=given_start,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
 
@@ -118,8 +121,5 @@ def _energy_lost(system: System, start: State, end: State) -> Float[Array, ""]:
     """Change of the energy of a run over what moves in it; zero where it need not keep its energy."""
     if system.forces or isinstance(system.motion, Driven):
         return jnp.zeros_like(start.turns)
-    parts = [system.kinetic_energy, system.elastic_energy, system.gravity_energy]
-    before, after = ([part(state) for part in parts] for state in (start, end))
-    size = sum(abs(x) for x in (*before, *after))
-    lost = abs(sum(after) - sum(before)) / jnp.where(size > 0, size, 1.0)
-    return jax.lax.stop_gradient(lost)
+    change, size = energy_change(system, jax.tree.map(lambda *ends: jnp.stack(ends), start, end))
+    return jax.lax.stop_gradient(abs(change[1]) / jnp.where(size > 0, size, 1.0))
