@@ -14,7 +14,7 @@ from jaxtyping import Array, Float, Int
 from .splitting import AbstractSplit, AbstractStepped, Split
 from .tracking import passed
 
-COLLAPSED, DIVERGED, COARSE, NON_FINITE = 1, 2, 3, 4
+COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
 _NEAR = 1e-6  # square of the distance from the pivot, over the length, that a step may not tell from none
 
@@ -57,6 +57,8 @@ def march(
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
         walker = go((split, begin, h, walker.y), solver, table, counted, taken)
+        cut = (walker.stopped == 0) & (taken < count)
+        walker = walker._replace(stopped=jnp.where(cut, CUT, walker.stopped))
         return walker, walker
 
     legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)

@@ -121,6 +121,9 @@ class Solution(eqx.Module):
         bad = ~np.atleast_1d(self.ok)
         t_end = np.atleast_1d(self.stats["t_end"])[bad][0]
         where = f"at t={t_end:.9g} s" if bad.size == 1 else f"in {bad.sum()} of {bad.size} scenes"
+        longest = np.nanmin(self.stats.get("longest_step", np.inf))
+        if np.isfinite(longest) and np.any(np.atleast_1d(self.result == Result.coarse)):
+            where += f"; the longest step that can be stable is {longest:.4g} s"
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
     def __str__(self):

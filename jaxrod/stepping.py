@@ -18,6 +18,7 @@ from .unrolled import Unrolled, Whole
 
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
 _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
+_LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
 _OPEN_ENERGY = 100  # energy lost, in tolerances, above which steps were too long
 
@@ -53,7 +54,7 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = turning if system.basis.n == 0 else turning + axial
-        step = _FINEST * finer / jnp.sqrt(rate)
+        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
@@ -72,11 +73,13 @@ def step_through(
     valid = system.valid(start)
     start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
     counts = _counts(system, start, t0, ts, solver, n_steps, tolerance, even)
-    taken = jnp.clip(max_steps - (jnp.cumsum(counts) - counts), 0, counts)
+    split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0, solver.small_kicks)
+    longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, ts), t0.dtype))
+    stable = jnp.max(jnp.diff(ts, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
+    taken = jnp.where(stable, jnp.clip(max_steps - (jnp.cumsum(counts) - counts), 0, counts), 0)
     enough = taken == counts
     valid = valid & sound & valid_times
 
-    split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0, solver.small_kicks)
     saved, last = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
     reached = valid & (end_only | ((saved.stopped == 0) & enough))
@@ -84,6 +87,7 @@ def step_through(
     for stopped, why in ((DIVERGED, Result.diverged), (COARSE, Result.coarse), (NON_FINITE, Result.non_finite)):
         code = Result.where(last.stopped == stopped, why, code)
     code = Result.where((code == Result.ok) & ~jnp.all(enough), Result.max_steps, code)
+    code = Result.where(stable, code, Result.coarse)
     lost = _energy_lost(system, start, states[-1])
     open_energy = _OPEN_ENERGY * tolerance if n_steps is None else 0.1
     code = Result.where((code == Result.ok) & (lost > open_energy), Result.coarse, code)
@@ -98,6 +102,7 @@ def step_through(
             "num_accepted_steps": steps,
             "num_rejected_steps": jnp.zeros_like(steps),
             "t_end": last.t,
+            "longest_step": longest,
             "step": (last.t - t0) / jnp.maximum(steps, 1),
         },
         system=given,

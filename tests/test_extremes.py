@@ -234,7 +234,7 @@ def test_steps_beyond_the_stability_limit(cone, young, solver):
     sol = caught.value.solution
     expected = [Result.coarse, Result.diverged] if solver is None else [Result.collapsed]
     assert any(sol.result == code for code in expected)
-    assert 0 < sol.stats["num_steps"] <= 200 and sol.stats["t_end"] < 10.0
+    assert sol.stats["num_steps"] <= 200 and sol.stats["t_end"] < 10.0
     assert np.isnan(sol.strain[-1])
 
 
