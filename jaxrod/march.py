@@ -47,7 +47,7 @@ def march(
     `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
     """
     start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start)
-    even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts), 1)
+    even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts.astype(route.ends.dtype)), 1)
     even = (even_h, split.table(solver, even_h)) if route.even else None
     go = _walk_reversible if backwards else _walk
 

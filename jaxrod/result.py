@@ -27,8 +27,8 @@ class Result(eqx.Enumeration):
         "take its basis with inertia, such as Ritz(3)"
     )
     invalid = (
-        "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, or a strain at or "
-        "below -1)"
+        "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, a strain at or "
+        "below -1, or an inertia beyond what their type holds: float32 ends at 1e-38)"
     )
 
 

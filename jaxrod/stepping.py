@@ -20,6 +20,7 @@ _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at toler
 _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
+_MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 100  # energy lost, in tolerances, above which steps were too long
 
 
@@ -76,7 +77,7 @@ def step_through(
     split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0, solver.small_kicks)
     longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, ts), t0.dtype))
     stable = jnp.max(jnp.diff(ts, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
-    taken = jnp.where(stable, jnp.clip(max_steps - (jnp.cumsum(counts) - counts), 0, counts), 0)
+    taken = jnp.where(stable, jnp.clip(max_steps - (_summed(counts) - counts), 0, counts), 0)
     enough = taken == counts
     valid = valid & sound & valid_times
 
@@ -119,7 +120,12 @@ def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Arra
     counts = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
     if even:  # one size for all
         counts = jnp.where(legs > 0, jnp.max(counts), 0.0)
-    return jnp.clip(counts, 0, 2**30).astype(jnp.int32)
+    return jnp.clip(jnp.nan_to_num(counts, nan=_MOST), 0, _MOST).astype(jnp.int32)
+
+
+def _summed(counts: Int[Array, " T"]) -> Int[Array, " T"]:
+    """Steps to each save time in all, or `_MOST`: two such numbers still have a sum."""
+    return jax.lax.associative_scan(lambda a, b: jnp.minimum(a + b, _MOST), counts)
 
 
 def _energy_lost(system: System, start: State, end: State) -> Float[Array, ""]:
