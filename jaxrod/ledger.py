@@ -20,7 +20,7 @@ class Ledger(eqx.Module):
       about a pivot without gravity, in flight about the centre of mass, in space its part along gravity, or all of it
       without gravity.  None where it need not be kept.
     - `largest_strain`: the largest size of the strain along the rod.
-    - `room`: how near it came to collapse, 1 + the least strain along the rod.
+    - `room`: how near it came to collapse, 1 + the least strain along the rod, of equal steps at any of them.
     - `turning`: the most the rod turned in a step, in rad, by its fastest rate and its mean step.
     """
 
@@ -42,8 +42,8 @@ class Ledger(eqx.Module):
         )
 
 
-def account(system: System, start: State, states: State, step: Float[Array, ""]) -> Ledger:
-    """The ledger of one scene from its start, its saved states (leading axis T) and its mean step in s."""
+def account(system: System, start: State, states: State, stats: dict[str, Array]) -> Ledger:
+    """The ledger of one scene from its start, its saved states (leading axis T) and the counts of its run."""
     body = system.body
     all_ = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
     turned = jnp.sum(all_.direction_rate**2, axis=-1)
@@ -53,8 +53,8 @@ def account(system: System, start: State, states: State, step: Float[Array, ""])
         energy=conserved,
         angular_momentum=momentum,
         largest_strain=jnp.nanmax(jnp.abs(strain)),
-        room=1 + jnp.nanmin(strain),
-        turning=jnp.sqrt(jnp.nanmax(turned)) * step,
+        room=1 + jnp.minimum(jnp.nanmin(strain), stats.get("lowest_strain", jnp.inf)),
+        turning=jnp.sqrt(jnp.nanmax(turned)) * stats["step"],
     )
 
 

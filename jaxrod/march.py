@@ -20,12 +20,14 @@ _NEAR = 1e-6  # square of the distance from the pivot, over the length, that a s
 
 
 class Walker(NamedTuple):
-    """A run on its way: phase, full turns made, why it stopped (0: it did not), and the time it reached."""
+    """A run on its way: phase, full turns made, why it stopped (0: it did not), the time it reached, and the least strain
+    on the way."""
 
     y: Split
     turns: Float[Array, ""]
     stopped: Int[Array, ""]
     t: Float[Array, ""]
+    lowest: Float[Array, ""]
 
 
 class Route(eqx.Module):
@@ -46,7 +48,7 @@ def march(
 
     `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
     """
-    start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start)
+    start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start, jnp.zeros_like(route.start))
     even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts.astype(route.ends.dtype)), 1)
     even = (even_h, split.table(solver, even_h)) if route.even else None
     go = _walk_reversible if backwards else _walk
@@ -82,7 +84,7 @@ def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
             turns = turns + passed(before, after)
         going = stopped == 0
         y, turns = jax.tree.map(lambda new, old: jnp.where(going, new, old), (y, turns), (walker.y, walker.turns))
-        return k + 1, Walker(y, turns, stopped, walker.t)
+        return k + 1, Walker(y, turns, stopped, walker.t, walker.lowest)
 
     opened = walker._replace(y=split.opened(solver, table, h, y))
     _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), opened))
@@ -108,7 +110,11 @@ def _watched(split: AbstractStepped, walker: Walker, t) -> Walker:
     why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, DIVERGED)
     why = jnp.where(jnp.isfinite(sum(jax.tree.leaves(walker.y))), why, NON_FINITE)
     first = walker.stopped == 0
-    return walker._replace(stopped=jnp.where(first, why, walker.stopped), t=jnp.where(first, t, walker.t))
+    return walker._replace(
+        stopped=jnp.where(first, why, walker.stopped),
+        t=jnp.where(first, t, walker.t),
+        lowest=jnp.where(first, jnp.minimum(lowest, walker.lowest), walker.lowest),
+    )
 
 
 _walk_reversible = eqx.filter_custom_vjp(_walk)

@@ -107,7 +107,7 @@ class Solution(eqx.Module):
         """
         if not isinstance(self.system, System) or not isinstance(self.states, State):
             raise ValueError("a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=.")
-        return _account(self.ts.ndim - 1, self.system, self.start, self.states, self.stats["step"])
+        return _account(self.ts.ndim - 1, self.system, self.start, self.states, _numbers(self.stats))
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
@@ -169,11 +169,15 @@ def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
 
 
 @eqx.filter_jit
-def _account(scenes: int, system, start, states, step) -> Ledger:
+def _account(scenes: int, system, start, states, stats) -> Ledger:
     of_one = account
     for _ in range(scenes):
         of_one = jax.vmap(of_one)
-    return of_one(system, start, states, step)
+    return of_one(system, start, states, stats)
+
+
+def _numbers(stats):
+    return {name: stats[name] for name in ("step", "lowest_strain") if name in stats}
 
 
 def _tip(system, t, state):

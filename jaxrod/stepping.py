@@ -20,6 +20,7 @@ _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at toler
 _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
+_PRESSED = -2 / 3  # strain below which the default's steps are not trusted: random_extremes.py
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 2  # energy lost, in tolerances, above which steps were too long
 
@@ -96,6 +97,8 @@ def step_through(
     rounding = 10 * jnp.finfo(t0.dtype).eps * jnp.sqrt(jnp.sum(taken).astype(t0.dtype))
     open_energy = _OPEN_ENERGY * tolerance + rounding if n_steps is None else 0.1
     code = Result.where((code == Result.ok) & (lost > open_energy), Result.coarse, code)
+    if n_steps is None:  # steps counted from the start do not see how fast the rod turns when pressed together later
+        code = Result.where((code == Result.ok) & (last.lowest < _PRESSED), Result.coarse, code)
     states = jax.tree.map(lambda x: jnp.where(reached.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
     steps = jnp.sum(taken)
     return Solution(
@@ -108,6 +111,7 @@ def step_through(
             "num_rejected_steps": jnp.zeros_like(steps),
             "t_end": last.t,
             "longest_step": longest,
+            "lowest_strain": last.lowest,
             "step": (last.t - t0) / jnp.maximum(steps, 1),
         },
         system=given,
