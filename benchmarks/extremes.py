@@ -107,7 +107,9 @@ def driven_spin():
             plain = system_of(gravity=None, n=n)
             omega = axial_rate(plain)
             spin = times * omega
-            system = dataclasses.replace(plain, motion=jaxrod.Driven(jax.tree_util.Partial(_steadily, jnp.asarray(spin))))
+            system = dataclasses.replace(
+                plain, motion=jaxrod.Driven(jax.tree_util.Partial(_steadily, jnp.asarray(spin)))
+            )
             name = f"{times:g} x its own critical rate, Ritz({n})"
             if n > 1:
                 yield Run(name, system, system.state(), 5, note=lambda sol, w=spin: growth_note(sol, w))
@@ -233,7 +235,9 @@ def long_steps():
         steps = max(1, round(fewest * times))
         run = Run(f"{steps} steps, {times:g} x as many as stability asks", system, system.state(rate=15.0), periods)
         yield run._replace(options={"n_steps": steps})
-    driven = dataclasses.replace(system, motion=jaxrod.Driven(jax.tree_util.Partial(_steadily, jnp.asarray(0.3 * omega))))
+    driven = dataclasses.replace(
+        system, motion=jaxrod.Driven(jax.tree_util.Partial(_steadily, jnp.asarray(0.3 * omega)))
+    )
     for steps in (10, 40, 80, 800):
         run = Run(f"driven at 0.3 of the axial rate, {steps} steps", driven, driven.state(), periods)
         yield run._replace(options={"n_steps": steps})
@@ -253,7 +257,9 @@ def measured(run: Run, dtype: str) -> list[str]:
     except ValueError as refused:
         return [run.name, dtype, "refused", "", "", "", "", "says so", str(refused).split(";")[0]]
     ok, book = bool(sol.ok), sol.ledger
-    turned = float(np.nanmean(np.linalg.norm(np.asarray(sol.states.direction_rate, float), axis=-1))) * end if ok else 0.0
+    turned = (
+        float(np.nanmean(np.linalg.norm(np.asarray(sol.states.direction_rate, float), axis=-1))) * end if ok else 0.0
+    )
     promise = (PROMISE[dtype] + EACH_RADIAN[dtype] * turned) * max(1.0, run.periods / 1000)
     off = run.exact(sol) if run.exact is not None else against_half(run, sol) if ok else np.nan
     kept = [float(x) for x in (book.energy, book.angular_momentum) if x is not None]

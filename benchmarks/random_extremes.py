@@ -96,7 +96,11 @@ def scene(kind: Kind, p: dict) -> tuple[jaxrod.System, jaxrod.State, jax.Array]:
     )
     pinned = {"pivot": _single(p["pivot"] * length)} if kind.motion == "Rotation inside" else {}
     gravity = _single(p["young"] / (DENSITY * length * p["stiffness_over_weight"]))
-    kinds: dict[str, Any] = {"Rotation": jaxrod.Rotation, "Rotation inside": jaxrod.Rotation, "Spherical": jaxrod.Spherical}
+    kinds: dict[str, Any] = {
+        "Rotation": jaxrod.Rotation,
+        "Rotation inside": jaxrod.Rotation,
+        "Spherical": jaxrod.Spherical,
+    }
     kinds |= {"Flight": jaxrod.Flight}
     moving: Any = jaxrod.Rotation() if kind.motion == "Driven" else kinds[kind.motion](**pinned)
     own = jaxrod.Ritz(kind.n) if kind.n else jaxrod.LoadRitz(1)
@@ -111,7 +115,11 @@ def scene(kind: Kind, p: dict) -> tuple[jaxrod.System, jaxrod.State, jax.Array]:
     if kind.motion == "Spherical":
         numbers |= {"azimuth_rate": _single(p["azimuth_spin"] * rate)}
     # Periods of the fastest of vibration, turning and swing, whichever the scene is about.
-    swing = 0.0 if kind.motion == "Flight" else gravity * jnp.abs(system.body.first_moments[0]) / system.body.mass_matrix[0, 0]
+    swing = (
+        0.0
+        if kind.motion == "Flight"
+        else gravity * jnp.abs(system.body.first_moments[0]) / system.body.mass_matrix[0, 0]
+    )
     fastest = jnp.sqrt(rate**2 + spin**2 + swing)
     ts = _single(jnp.linspace(0.0, 1.0, 21)[1:] * p["periods"] * 2 * jnp.pi / fastest)
     return system, system.state(**numbers), ts
@@ -135,12 +143,27 @@ def _place(sol) -> jax.Array:
     return jax.vmap(system.body.reach)(sol.states.amplitudes)[:, None] * sol.states.direction / system.rod.length
 
 
-def look(kind: Kind, p: dict) -> dict[str, dict]:
-    """One scene in both types: its code, the error of its tip, its ledger, and how distances grow."""
+def yardstick(kind: Kind, p: dict) -> tuple[dict, dict]:
+    """One scene in float64: what was found, and what a run of half the step says for either type."""
     system, start, ts = scene(kind, p)
     double = jaxrod.simulate(system, start, ts=ts, max_steps=LONGEST)
     steps = double.stats["num_steps"]
     finer = jaxrod.simulate(system, start, ts=ts, n_steps=jnp.maximum(2 * steps, 1), max_steps=2 * LONGEST)
+    right, size = _place(finer), jnp.max(jnp.linalg.norm(_place(finer), axis=-1))
+    known = {
+        "right": right,
+        "size": size,
+        "finer": finer.result,
+        "place": _place(double),
+        "steps": steps,
+        "turned": jnp.mean(jnp.linalg.norm(finer.states.direction_rate, axis=-1)) * ts[-1],
+    }
+    return _found(double, known), known
+
+
+def growth(kind: Kind, p: dict, known: dict) -> jax.Array:
+    """How much further apart two runs get than they were set."""
+    system, start, ts = scene(kind, p)
     # What rounding does everywhere, done once: the start moved, and gravity and modulus with it.
     shifted = start
     for part in ("direction", "amplitudes", "amplitude_rates", "direction_rate"):
@@ -148,27 +171,44 @@ def look(kind: Kind, p: dict) -> dict[str, dict]:
         shifted = _moved(shifted, part, SHIFT / unit)
     rod = dataclasses.replace(system.rod, young=system.rod.young * (1 + SHIFT))
     other = dataclasses.replace(system, rod=rod, gravity=system.gravity * (1 - SHIFT))
-    shifted = jaxrod.simulate(other, shifted, ts=ts, n_steps=jnp.maximum(steps, 1), max_steps=LONGEST)
-    right, size = _place(finer), jnp.max(jnp.linalg.norm(_place(finer), axis=-1))
-    growth = jnp.max(jnp.linalg.norm(_place(shifted) - _place(double), axis=-1)) / size / SHIFT
-    single = jaxrod.simulate(*_cast((system, start), jnp.float32), ts=ts.astype(jnp.float32), max_steps=LONGEST)
-    turned = jnp.mean(jnp.linalg.norm(finer.states.direction_rate, axis=-1)) * ts[-1]
-    found = {}
-    for name, run in (("float64", double), ("float32", single)):
-        book = run.ledger
-        kept = [x for x in (book.energy, book.angular_momentum) if x is not None]
-        found[name] = {
-            "result": run.result,
-            "finer": finer.result,
-            "error": jnp.max(jnp.linalg.norm(_place(run) - right, axis=-1)) / size,
-            "kept": jnp.max(jnp.stack(kept)) if kept else jnp.zeros(()),
-            "room": book.room,
-            "turned": turned,
-            "largest_strain": book.largest_strain,
-            "growth": growth,
-            "steps": run.stats["num_steps"],
-        }
-    return found
+    shifted = jaxrod.simulate(other, shifted, ts=ts, n_steps=jnp.maximum(known["steps"], 1), max_steps=LONGEST)
+    return jnp.max(jnp.linalg.norm(_place(shifted) - known["place"], axis=-1)) / known["size"] / SHIFT
+
+
+def single(kind: Kind, p: dict, known: dict) -> dict:
+    """The same scene in float32."""
+    system, start, ts = scene(kind, p)
+    run = jaxrod.simulate(*_cast((system, start), jnp.float32), ts=ts.astype(jnp.float32), max_steps=LONGEST)
+    return _found(run, known)
+
+
+def _found(run, known: dict) -> dict:
+    """Its code, the error of its tip, and its ledger."""
+    book = run.ledger
+    kept = [x for x in (book.energy, book.angular_momentum) if x is not None]
+    return {
+        "result": run.result,
+        "error": jnp.max(jnp.linalg.norm(_place(run) - known["right"], axis=-1)) / known["size"],
+        "kept": jnp.max(jnp.stack(kept)) if kept else jnp.zeros(()),
+        "room": book.room,
+        "largest_strain": book.largest_strain,
+        "steps": run.stats["num_steps"],
+        "finer": known["finer"],
+        "turned": known["turned"],
+    }
+
+
+def look(kind: Kind, p: dict) -> dict[str, dict]:
+    """Many scenes in both types, in a program each: what `verdict` takes."""
+
+    def each(fn, *inputs):
+        return jaxrod.sweep(lambda x: fn(kind, *x), inputs, order_by=p["periods"], progress=False)
+
+    with report.quiet():
+        double, known = each(yardstick, p)
+        grown = each(growth, p, known)
+        half = each(single, p, known)
+    return {name: {**found, "growth": grown} for name, found in (("float64", double), ("float32", half))}
 
 
 def _moved(state, part, by):
@@ -190,7 +230,13 @@ def verdict(name: str, found: dict) -> dict[str, np.ndarray]:
     beyond = ok & ~(found["growth"] * apart <= promise)
     off = ~(found["error"] <= promise)
     wrong = ok & ((off & ~beyond) | ~(found["kept"] <= 10 * promise))
-    return {"ok": ok, "beyond": beyond, "wrong": wrong, "margin": found["error"] / promise, "kept": found["kept"] / promise}
+    return {
+        "ok": ok,
+        "beyond": beyond,
+        "wrong": wrong,
+        "margin": found["error"] / promise,
+        "kept": found["kept"] / promise,
+    }
 
 
 def _shown(value) -> str:
@@ -203,17 +249,13 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
     parser.add_argument("--kinds", default="", help="only those whose name holds this")
     parser.add_argument("--show", type=int, default=3, help="offenders to print of each kind and type (default 3)")
-    parser.add_argument("--keep", default="", help="TEMP")
     arguments = parser.parse_args()
     rng, began = np.random.default_rng(arguments.seed), time.perf_counter()
     kinds = [kind for kind in KINDS if arguments.kinds in str(kind)]
     each, rows = -(-arguments.scenes // len(kinds)), []
     for kind in kinds:
         p = draw(kind, each, rng)
-        with report.quiet():
-            out = jaxrod.sweep(lambda p, kind=kind: look(kind, p), p, order_by=p["periods"], progress=False)
-        if arguments.keep:
-            np.save(f"{arguments.keep}/{kind}.npy", (p, jax.tree.map(np.asarray, out)), allow_pickle=True)
+        out = look(kind, p)
         for name, found in out.items():
             seen = verdict(name, found)
             counts = {code: int(np.sum(found["result"] == getattr(Result, code))) for code in CODES}

@@ -15,7 +15,18 @@ from .lanes import Numbers, by_number, gathered, scattered
 from .motion import Placement, State
 from .projection import Projection
 from .spectrum import eigh
-from .splitting import LONGEST_TURN, AbstractSplit, Center, Split, Stage, held, lowest, per_inertia, watched, with_center
+from .splitting import (
+    LONGEST_TURN,
+    AbstractSplit,
+    Center,
+    Split,
+    Stage,
+    held,
+    lowest,
+    per_inertia,
+    watched,
+    with_center,
+)
 
 _SERIES = 7  # terms of cos and sin: exact to rounding for turnings up to half a radian
 

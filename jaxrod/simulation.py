@@ -186,7 +186,7 @@ def simulate(
             solution = adapt(diffrax.Dopri8(), f"adaptive, as equal steps ended with: {Result[solution.result]}")
     else:
         solution = adapt(chosen, why)
-    if throw and checks.known(solution.stats["num_steps"]) and not np.all(solution.ok):
+    if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     return solution
 

@@ -106,7 +106,9 @@ class Solution(eqx.Module):
         **Raises:** `ValueError` for a `Lagrangian`, and where `SaveAt(fn=)` saved something else than states.
         """
         if not isinstance(self.system, System) or not isinstance(self.states, State):
-            raise ValueError("a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=.")
+            raise ValueError(
+                "a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=."
+            )
         return _account(self.ts.ndim - 1, self.system, self.start, self.states, _numbers(self.stats))
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:

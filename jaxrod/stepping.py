@@ -20,7 +20,7 @@ _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at toler
 _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
-_PRESSED = -2 / 3  # strain below which the default's steps are not trusted: random_extremes.py
+_PRESSED = -2 / 3  # strain below which the default's steps are not trusted: benchmarks/random_extremes.py
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 2  # energy lost, in tolerances, above which steps were too long
 
@@ -53,9 +53,9 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
     if isinstance(solver, ABA864) and system.basis.n:
         kicks = turning / axial
         phase = jnp.minimum(_FINEST_SMALL_KICKS * finer * kicks ** (-1 / 6), 1.0)
-        # Large strains make the kicks large too, by what is drawn in random_extremes.py; a fifth of the step serves all.
+        # Large strains make the kicks large too.  By how much is measured: benchmarks/random_extremes.py.
         strain = jnp.sum(jnp.abs(start.amplitudes)) + jnp.sum(jnp.abs(start.amplitude_rates)) / jnp.sqrt(axial) + kicks
-        phase = phase / (1 + 4 * jnp.minimum(jax.lax.stop_gradient(strain), 1.0))
+        phase = phase / (1 + 8 * jnp.minimum(jax.lax.stop_gradient(strain), 1.0))
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = turning if system.basis.n == 0 else turning + axial

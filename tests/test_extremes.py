@@ -251,10 +251,13 @@ def test_max_steps(cone):
     assert np.isfinite(sol.angle[reached]).all() and np.isnan(sol.angle[~reached]).all()
     np.testing.assert_allclose(sol.energy[reached], sol.energy[0], rtol=1e-11)
 
+
 # ---- the ledger and the horizon
 
 
-@pytest.mark.parametrize("motion", [jaxrod.Rotation(), jaxrod.Spherical(), jaxrod.Flight(), jaxrod.Driven(lambda t: 15 * t)])
+@pytest.mark.parametrize(
+    "motion", [jaxrod.Rotation(), jaxrod.Spherical(), jaxrod.Flight(), jaxrod.Driven(lambda t: 15 * t)]
+)
 def test_ledger(cone, motion):
     """What is kept is kept to the promise, and None where the scene need not keep it; `vmap` gives a number a scene."""
     system = _system(cone, motion)
