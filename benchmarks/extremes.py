@@ -17,6 +17,7 @@ import argparse
 import dataclasses
 import pathlib
 from collections.abc import Callable, Iterator
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import jaxrod
@@ -27,6 +28,7 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
+
 from jaxrod import Result  # noqa: E402
 
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
@@ -47,7 +49,7 @@ class Run(NamedTuple):
     system: jaxrod.System
     start: Any
     periods: float
-    options: dict[str, Any] = {}
+    options: Any = MappingProxyType({})
     exact: Callable[[Any], float] | None = None
     note: Callable[[Any], str] | None = None
 

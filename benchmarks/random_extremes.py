@@ -4,12 +4,14 @@
 
 Moduli of 1e3 to 1e15 Pa, lengths of 1e-9 to 1e6 m, stiffness over weight of 1e-3 to 1e12 or no weight, radius ratios to 1e3
 and points both ways, bodies at the tip to 1e6 rod masses, spin to 3 times critical, starts at the poles, strains that
-collapse, up to 200 periods of the fastest of these.  All numbers are rounded to float32 first, so that both types compute the same scene.
+collapse, up to 200 periods of the fastest of these.  All numbers are rounded to float32 first, so that both types compute
+the same scene.
 
 A scene is *silently wrong* if it ends ok and yet its tip is off by more than the promise of `tolerance` (1e-8 of the largest
 distance from the pivot; float32 1e-4, and 6e-7 for each radian turned), or its energy or angular momentum by more than ten
-times that.  Where two runs apart by the rounding of their steps (1e-14, float32 1.2e-7, times the root of
-their number; measured on a run whose start, gravity and modulus are moved) differ by more than the promise no solver can keep it: the scene is *beyond its horizon*, and counted apart.  Writes the part "random" of docs/extremes.md.
+times that.  Where two runs apart by the rounding of their steps (1e-14, float32 1.2e-7, times the root of their number;
+measured on a run whose start, gravity and modulus are moved) differ by more than the promise no solver can keep it: the
+scene is *beyond its horizon*, and counted apart.  Writes the part "random" of docs/extremes.md.
 """
 
 import argparse
@@ -26,6 +28,7 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
+
 from jaxrod import Result  # noqa: E402
 
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
@@ -33,7 +36,7 @@ DENSITY = 1000.0
 PROMISE = {"float64": 1e-8, "float32": 1e-4}
 APART = {"float64": 1e-14, "float32": 1.2e-7}  # what the rounding of a step sets two runs apart
 EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}
-LONGEST = 2**16  # steps
+LONGEST = 2**14  # steps
 SHIFT = 1e-9  # of the start, to see how distances grow
 CODES = ("ok", "collapsed", "diverged", "max_steps", "coarse", "non_finite", "past_critical", "invalid")
 
@@ -201,7 +204,7 @@ def _found(run, known: dict) -> dict:
 def look(kind: Kind, p: dict) -> dict[str, dict]:
     """Many scenes in both types, in a program each: what `verdict` takes."""
 
-    def each(fn, *inputs):
+    def each(fn, *inputs) -> Any:
         return jaxrod.sweep(lambda x: fn(kind, *x), inputs, order_by=p["periods"], progress=False)
 
     with report.quiet():

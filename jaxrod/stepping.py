@@ -92,7 +92,8 @@ def step_through(
     for stopped, why in ((DIVERGED, Result.diverged), (COARSE, Result.coarse), (NON_FINITE, Result.non_finite)):
         code = Result.where(last.stopped == stopped, why, code)
     code = Result.where((code == Result.ok) & ~jnp.all(enough), Result.max_steps, code)
-    code = Result.where(stable, code, Result.coarse)
+    # The default's own steps are too long only where there are more of them than can be counted.
+    code = Result.where(stable, code, Result.max_steps if n_steps is None else Result.coarse)
     lost = _energy_lost(system, start, states, saved.stopped == 0)
     rounding = 10 * jnp.finfo(t0.dtype).eps * jnp.sqrt(jnp.sum(taken).astype(t0.dtype))
     open_energy = _OPEN_ENERGY * tolerance + rounding if n_steps is None else 0.1

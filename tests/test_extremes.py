@@ -4,10 +4,13 @@ import contextlib
 import dataclasses
 
 import diffrax
+import hypothesis
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import random_extremes
+from hypothesis import strategies as st
 
 import jaxrod
 from jaxrod import Result
@@ -301,17 +304,17 @@ def test_horizon_of_a_chaotic_swing():
     """
     system = _system(jaxrod.Rod(section=jaxrod.Uniform(0.025), **CHAOS))
     start = system.state(angle=-np.pi / 2, strain=1 / 3, rate=2.7, strain_rate=-4.8)
-    found = jaxrod.horizon(system, start, t1=240.0, tolerance=1e-6)
+    found = jaxrod.horizon(system, start, t1=24.0, tolerance=1e-8)
     assert found.result == Result.ok
     np.testing.assert_allclose(found.growth_rate / _axial_rate(system), 0.053, rtol=0.3)
-    assert 20 < found.time < 35 and "s ahead" in str(found)
-    assert jaxrod.horizon(system, start, t1=20.0, tolerance=1e-6).time == np.inf
+    assert 5 < found.time < 24 and "s ahead" in str(found)
+    assert jaxrod.horizon(system, start, t1=24.0, tolerance=1e-6).time == np.inf
     # Two runs, far enough apart for rounding not to matter: the distance follows the linear one.
     other = dataclasses.replace(start, amplitudes=start.amplitudes + 1e-8)
-    ts = found.ts[:100]
+    ts = found.ts[:500]
     one, two = (jaxrod.simulate(system, x, ts=ts, tolerance=1e-12) for x in (start, other))
     apart = np.linalg.norm(one.tip - two.tip, axis=1) / 1e-8
-    assert (apart < 1.01 * found.growth[:100]).all() and apart[-1] > 0.02 * found.growth[99]
+    assert (apart < 1.01 * found.growth[:500]).all() and apart[-1] > 0.02 * found.growth[499]
 
 
 def test_horizon_of_a_regular_swing(cone):
@@ -332,7 +335,7 @@ def test_steps_beyond_stability_are_named_before_the_run(cone, motion):
     start = system.state(rate=15.0) if isinstance(motion, jaxrod.Rotation) else system.state()
     limit = np.pi / _axial_rate(system)
     few, enough = int(0.99 / limit), int(1.02 / limit)
-    with pytest.raises(jaxrod.SimulationError, match="longest step that can be stable is 0.02") as caught:
+    with pytest.raises(jaxrod.SimulationError, match=r"longest step that can be stable is 0\.02") as caught:
         jaxrod.simulate(system, start, ts=TIMES[-1:], n_steps=few)
     assert caught.value.solution.stats["num_steps"] == 0
     counts = jnp.array([few, enough, 4 * enough])
@@ -346,8 +349,8 @@ def test_more_steps_than_can_be_counted(cone):
     system = _system(cone)
     ts = 1e12 * (TIMES[1:])
     sol = jax.jit(lambda rate: jaxrod.simulate(system, system.state(rate=rate), ts=ts))(15.0)
-    assert sol.result == Result.max_steps and sol.stats["num_steps"] == 2**20
-    assert 0 < sol.stats["t_end"] < 1e5 and np.isnan(sol.strain).all()
+    assert sol.result == Result.max_steps and sol.stats["num_steps"] == 0
+    assert sol.stats["t_end"] == 0 and np.isnan(sol.strain).all()
 
 
 def test_inertia_beyond_float32(cone):
@@ -358,3 +361,35 @@ def test_inertia_beyond_float32(cone):
     single = jax.tree.map(lambda x: x.astype(jnp.float32), (system, system.state(rate=1.0)))
     with pytest.raises(jaxrod.SimulationError, match="beyond what their type holds"):
         jaxrod.simulate(*single, t1=1e-12)
+
+
+# ---- none silently wrong
+
+_KIND = random_extremes.Kind("Rotation", 1)
+
+
+def _batches(kind, lanes):
+    """Batches of extreme scenes of one kind, each drawn by one number: shrinking it would not make a scene simpler."""
+    return st.integers(0, 2**32 - 1).map(lambda seed: random_extremes.draw(kind, lanes, np.random.default_rng(seed)))
+
+
+@jax.jit
+@jax.vmap
+def _looked(p):
+    found, known = random_extremes.yardstick(_KIND, p)
+    return found, random_extremes.growth(_KIND, p, known)
+
+
+@hypothesis.settings(max_examples=5, derandomize=True, deadline=None)
+@hypothesis.given(_batches(_KIND, 64))
+def test_none_silently_wrong(p):
+    """Whatever ends ok is right: within the promise of half the step in float64, energy kept to ten times that.
+
+    The batches share one compiled program.  Beyond the horizon, where the rounding of steps sets runs apart, nothing is
+    asked.
+    """
+    found, grown = _looked(p)
+    seen = random_extremes.verdict("float64", {**found, "growth": grown})
+    assert seen["ok"].mean() > 0.5
+    wrong = np.flatnonzero(seen["wrong"])
+    assert not wrong.size, [{name: x[k] for name, x in p.items()} for k in wrong]
