@@ -1,5 +1,6 @@
-"""What the performance scripts share: paired timing, and docs/performance.md, of which each writes its own part."""
+"""What the scripts share: paired timing, and pages in docs/, of which each writes its own part."""
 
+import contextlib
 import datetime
 import importlib.metadata
 import os
@@ -8,7 +9,8 @@ import platform
 import re
 import statistics
 import time
-from collections.abc import Callable
+import warnings
+from collections.abc import Callable, Iterator
 
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "performance.md"
 
@@ -35,6 +37,14 @@ def table(head: list[str], rows: list[list[str]]) -> str:
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
+@contextlib.contextmanager
+def quiet() -> Iterator[None]:
+    """Without warnings: where failing scenes are what is asked for."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
+
+
 def machine() -> str:
     """One line on where and when."""
     versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("jax", "diffrax", "equinox"))
@@ -46,15 +56,15 @@ def machine() -> str:
     return f"{datetime.date.today()}, {cpu}, {cores} cores, Python {platform.python_version()}, {versions}."
 
 
-def write(part: str, text: str) -> None:
-    """Prints the text, and puts it between the marks of its part in docs/performance.md."""
+def write(part: str, text: str, path: pathlib.Path = PAGE) -> None:
+    """Prints the text, and puts it between the marks of its part in a page of docs/."""
     text = f"{text.strip()}\n\n{machine()}"
     print(text)
-    page = PAGE.read_text() if PAGE.exists() else "# Performance\n"
+    page = path.read_text() if path.exists() else f"# {path.stem.capitalize()}\n"
     start, end = f"<!-- {part} -->", f"<!-- /{part} -->"
     block = f"{start}\n{text}\n{end}"
     if start in page:
         page = re.sub(re.escape(start) + ".*?" + re.escape(end), lambda _: block, page, flags=re.DOTALL)
     else:
         page = f"{page.rstrip()}\n\n{block}\n"
-    PAGE.write_text(page)
+    path.write_text(page)

@@ -26,6 +26,7 @@ from .identification import Fit as Fit
 from .identification import Positive as Positive
 from .identification import fit as fit
 from .lagrangian import Lagrangian as Lagrangian
+from .ledger import Ledger as Ledger
 from .limits import ModelLimits as ModelLimits
 from .limits import model_limits as model_limits
 from .load_basis import LoadRitz as LoadRitz
@@ -39,6 +40,8 @@ from .motion import Flight as Flight
 from .motion import Rotation as Rotation
 from .motion import Spherical as Spherical
 from .motion import State as State
+from .predictability import Horizon as Horizon
+from .predictability import horizon as horizon
 from .quantity import AbstractQuantity as AbstractQuantity
 from .quantity import FinalAngle as FinalAngle
 from .quantity import FinalTip as FinalTip

@@ -15,7 +15,18 @@ from .lanes import Numbers, by_number, gathered, scattered
 from .motion import Placement, State
 from .projection import Projection
 from .spectrum import eigh
-from .splitting import AbstractSplit, Center, Split, Stage, held, lowest, per_inertia, watched, with_center
+from .splitting import (
+    LONGEST_TURN,
+    AbstractSplit,
+    Center,
+    Split,
+    Stage,
+    held,
+    lowest,
+    per_inertia,
+    watched,
+    with_center,
+)
 
 _SERIES = 7  # terms of cos and sin: exact to rounding for turnings up to half a radian
 
@@ -254,6 +265,12 @@ class Prescribed(AbstractOscillating):
 
     def undone(self, stage, known, t, h, y):
         return self._kick(t + stage.passed * h, -stage.kick * h, self._drift(_back(known), -stage.drift * h, y))
+
+    def longest_step(self, scheme, ts):
+        # Exact oscillators are always stable, but gravity and a drive that turn further in a step are not seen.
+        del scheme
+        fastest = jnp.max(jnp.abs(jax.vmap(lambda t: self.scene.motion.turning(t)[1])(ts)))
+        return jnp.minimum(math.pi / self.modes.rates[0], LONGEST_TURN / jnp.maximum(fastest, 1e-30))
 
     def _drift(self, circle, t, y: Split):
         pairs = list(zip(self._turned(circle, t), y.strain, y.strain_momentum, strict=True))

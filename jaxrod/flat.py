@@ -64,6 +64,10 @@ class Flat(AbstractSplit):
     def closed(self, scheme, table, h, y):
         return self.opened(scheme, table, -h, y)
 
+    def longest_step(self, scheme, ts):
+        del ts
+        return scheme.stable_phase / jnp.sqrt(self.numbers[0].body.stiffness_matrix[0, 0])
+
     def force(self, t, q: Numbers) -> Numbers:
         """All loads on q, per inertia: minus the gradient of V, and those without a potential."""
 

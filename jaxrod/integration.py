@@ -32,7 +32,7 @@ def integrate(
     system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
     progress_meter, max_steps,
 ):  # fmt: skip
-    valid, given_ts = t1 > t0, ts
+    valid, given_ts, given_start = t1 > t0, ts, start
     if ts is not None:
         valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
         ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
@@ -67,6 +67,7 @@ def integrate(
     margin = None
     if isinstance(system, System) and system.basis.n:
         margin = _Margin.of(system, equations)
+    given_steps = n_steps is not None or (dt0 is not None and stepsize_controller is None)
     if n_steps is not None:
         stepsize_controller = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
     elif stepsize_controller is None and dt0 is not None:
@@ -90,14 +91,20 @@ def integrate(
     states = jax.tree.map(lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
     stats["t_end"] = raw.ts["end"][-1]
+    stats["step"] = (stats["t_end"] - t0) / jnp.maximum(stats["num_accepted_steps"], 1)
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
     room = jnp.ones(3) if margin is None else margin(decode(t_end, last))
+    code = _result(raw, _finite(last), room, valid, event is not None)
+    if given_steps and isinstance(system, System):
+        longest = _longest_step(system, start, solver, split, t0, t1)
+        code = Result.where((code == Result.ok) & (stats["step"] > longest * (1 + 1e-6)), Result.coarse, code)
     return Solution(
         ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
         states=states,
-        result=_result(raw, _finite(last), room, valid, event is not None),
+        result=code,
         stats=stats,
         system=given,
+        start=given_start,
         method=", ".join(type(x).__name__ for x in (solver, split or chart) if x is not None),
     )
 
@@ -190,6 +197,15 @@ def _natural_rates(system: System, start: State, duration, t0) -> tuple[Float[Ar
         return jnp.sqrt(square), jnp.sqrt(square)
     axial = eigenvalues(body)
     return jnp.sqrt(square + axial[0]), jnp.sqrt(square + axial[-1])
+
+
+def _longest_step(system: System, start: State, solver, split, t0, t1):
+    """Above it given steps are unstable or do not see the motion; an implicit method may mean to overlook it."""
+    if split is not None:
+        return split.longest_step(solver, jnp.stack([t0, t1]))
+    if isinstance(solver, diffrax.AbstractImplicitSolver):
+        return jnp.inf
+    return jnp.pi / _natural_rates(system, start, t1 - t0, t0)[1]
 
 
 def _least_step(duration):

@@ -15,18 +15,20 @@ from jaxtyping import Array, Float, Int
 from .splitting import AbstractSplit, AbstractStepped, Split
 from .tracking import passed
 
-COLLAPSED, DIVERGED, COARSE, NON_FINITE = 1, 2, 3, 4
+COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
 _NEAR = 1e-6  # square of the distance from the pivot, over the length, that a step may not tell from none
 
 
 class Walker(NamedTuple):
-    """A run on its way: phase, full turns made, why it stopped (0: it did not), and the time it reached."""
+    """A run on its way: phase, full turns made, why it stopped (0: it did not), the time it reached, and the least strain
+    on the way."""
 
     y: Split
     turns: Float[Array, ""]
     stopped: Int[Array, ""]
     t: Float[Array, ""]
+    lowest: Float[Array, ""]
 
 
 class Route(eqx.Module):
@@ -45,8 +47,8 @@ def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, b
 
     `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
     """
-    start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start)
-    even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts), 1)
+    start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start, jnp.zeros_like(route.start))
+    even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts.astype(route.ends.dtype)), 1)
     even = (even_h, split.table(solver, even_h)) if route.even else None
     go = _walk_reversible if backwards else _walk
 
@@ -56,6 +58,8 @@ def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, b
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
         walker = go((split, begin, h, walker.y), solver, table, counted, taken)
+        cut = (walker.stopped == 0) & (taken < count)
+        walker = walker._replace(stopped=jnp.where(cut, CUT, walker.stopped))
         return walker, _packed(walker)
 
     legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)
@@ -103,7 +107,7 @@ def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
             turns = turns + passed(before, after)
         going = stopped == 0
         y, turns = jax.tree.map(lambda new, old: jnp.where(going, new, old), (y, turns), (walker.y, walker.turns))
-        return k + 1, Walker(y, turns, stopped, walker.t)
+        return k + 1, Walker(y, turns, stopped, walker.t, walker.lowest)
 
     opened = walker._replace(y=split.opened(solver, table, h, y))
     _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), opened))
@@ -129,7 +133,11 @@ def _watched(split: AbstractStepped, walker: Walker, t) -> Walker:
     why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, DIVERGED)
     why = jnp.where(jnp.isfinite(sum(jax.tree.leaves(walker.y))), why, NON_FINITE)
     first = walker.stopped == 0
-    return walker._replace(stopped=jnp.where(first, why, walker.stopped), t=jnp.where(first, t, walker.t))
+    return walker._replace(
+        stopped=jnp.where(first, why, walker.stopped),
+        t=jnp.where(first, t, walker.t),
+        lowest=jnp.where(first, jnp.minimum(lowest, walker.lowest), walker.lowest),
+    )
 
 
 _walk_reversible = eqx.filter_custom_vjp(_walk)

@@ -18,8 +18,8 @@ class Result(eqx.Enumeration):
     )
     max_steps = "the run stopped at max_steps before its end; raise max_steps, loosen the tolerance or shorten the run"
     coarse = (
-        "a step turned the rod by more than half a right angle: steps of this size are too long for its motion; take more "
-        "n_steps=, or solver=diffrax.Dopri8(), which adapts them"
+        "steps are too long for the motion: one is beyond the stability of the method, turned the rod by more than half a "
+        "right angle, or lost its energy; take more n_steps=, or solver=diffrax.Dopri8(), which adapts them"
     )
     non_finite = "the numbers stopped being finite; with a fixed step, take a smaller one"
     past_critical = (
@@ -27,8 +27,8 @@ class Result(eqx.Enumeration):
         "take its basis with inertia, such as Ritz(3)"
     )
     invalid = (
-        "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, or a strain at or "
-        "below -1)"
+        "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, a strain at or "
+        "below -1, or an inertia beyond what their type holds: float32 ends at 1e-38)"
     )
 
 

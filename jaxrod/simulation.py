@@ -82,7 +82,7 @@ def simulate(
     solver: diffrax.AbstractSolver | None = None,
     stepsize_controller: diffrax.AbstractStepSizeController | None = None,
     dt0: Any = None,
-    n_steps: int | None = None,
+    n_steps: Any = None,
     saveat: diffrax.SaveAt | None = None,
     event: diffrax.Event | None = None,
     adjoint: diffrax.AbstractAdjoint | None = None,
@@ -101,7 +101,8 @@ def simulate(
     - `tolerance`: relative error of the tip's position after 1,000 axial periods; 1e-8 in float64 (at least 1e-12),
       1e-4 in float32 (at least 1e-5).
     - `chart`: the coordinates to compute in, `Angles()`, `Embedded()` or `Director()`; see `default_chart`.
-    - `n_steps`: take so many equal steps instead of adapting them.
+    - `n_steps`: take so many equal steps instead of adapting them; under a transformation a known number, but of a
+      symplectic solver, which takes a traced one too.
     - `solver`, `stepsize_controller`, `dt0`, `saveat`, `event`, `adjoint`, `progress_meter`, `max_steps`: as in
       `diffrax.diffeqsolve`.  `SaveAt(fn=)` and events receive a `State`.  `solver` alone keeps the default step size
       control, `dt0` alone takes constant steps.  Forward-mode derivatives need `adjoint=diffrax.ForwardMode()`.
@@ -181,14 +182,17 @@ def simulate(
         raise ValueError(
             f"solver=Unrolled() is for one strain shape, not {system.basis.n}; leave out solver= for steps that adapt."
         )
-    if plain and (isinstance(chosen, AbstractSymplectic) or unrolled):
+    by_equal_steps = plain and (isinstance(chosen, AbstractSymplectic) or unrolled)
+    if n_steps is not None and not by_equal_steps and not checks.known(n_steps):
+        raise ValueError("n_steps= is traced, which only symplectic solvers and Unrolled() take; give a known number.")
+    if by_equal_steps:
         solution = _explained(_step(system, start, t0, t1, ts, chosen, n_steps, tolerance, max_steps, adjoint), why)
         failed = checks.fails(lambda ok: ok, solution.ok)
         if solver is None and n_steps is None and failed and not bool(solution.result == Result.invalid):
             solution = adapt(diffrax.Dopri8(), f"adaptive, as equal steps ended with: {Result[solution.result]}")
     else:
         solution = adapt(chosen, why)
-    if throw and checks.known(solution.stats["num_steps"]) and not np.all(solution.ok):
+    if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     if budget is not None:
         if not isinstance(system, System) or not isinstance(start, State):
@@ -311,7 +315,7 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None
     if dt0 is not None:
         checks.positive("dt0", dt0, "seconds")
     if n_steps is not None:
-        if n_steps < 1 or int(n_steps) != n_steps:
+        if checks.fails(lambda n: (np.ndim(n) == 0) & np.all((n >= 1) & (n == np.floor(n))), n_steps):
             raise ValueError(f"n_steps={n_steps} must be a positive whole number.")
         if dt0 is not None or stepsize_controller is not None:
             raise ValueError(f"n_steps={n_steps} fixes the steps; leave out dt0= and stepsize_controller=.")

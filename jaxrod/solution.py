@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from . import checks
 from .lagrangian import Lagrangian
+from .ledger import Ledger, account
 from .limits import model_limits
 from .motion import State
 from .result import Result
@@ -26,8 +27,9 @@ class Solution(eqx.Module):
     """A run: times, states and how it ended.  Leading axes (T, ...) are times; under `vmap` scenes come before them.
 
     `ts` (T,) in s; `states`, a `State` with leading axis T (for a `Lagrangian` a pair q, v; with `SaveAt(fn=)` what it
-    returned); `result`, a code of `Result`; `stats`, counts of steps and `t_end`, the time in s the run reached;
-    `method`, solver and coordinates; `budget`, the error of a quantity, if asked for.  What the run did not reach is NaN.
+    returned); `result`, a code of `Result`; `stats`, counts of steps, the mean `step` in s and `t_end`, the time in s the
+    run reached; `start`, where it began; `method`, solver and coordinates; `budget`, the error of a quantity, if asked for.
+    What the run did not reach is NaN.
     """
 
     ts: Float[Array, "*scenes T"]
@@ -35,6 +37,7 @@ class Solution(eqx.Module):
     result: Result
     stats: dict[str, Array]
     system: System | Lagrangian
+    start: Any
     method: str = eqx.field(static=True)
     budget: Any = None
 
@@ -98,6 +101,18 @@ class Solution(eqx.Module):
         """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s."""
         return self._each(_angular_momentum)
 
+    @property
+    def ledger(self) -> Ledger:
+        """Change of energy and angular momentum, largest strain, room to collapse, largest turning in a step.
+
+        **Raises:** `ValueError` for a `Lagrangian`, and where `SaveAt(fn=)` saved something else than states.
+        """
+        if not isinstance(self.system, System) or not isinstance(self.states, State):
+            raise ValueError(
+                "a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=."
+            )
+        return _account(self.ts.ndim - 1, self.system, self.start, self.states, _numbers(self.stats))
+
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
         return self._each(jax.tree_util.Partial(_shape, jnp.asarray(s)))
@@ -110,6 +125,9 @@ class Solution(eqx.Module):
         bad = ~np.atleast_1d(self.ok)
         t_end = np.atleast_1d(self.stats["t_end"])[bad][0]
         where = f"at t={t_end:.9g} s" if bad.size == 1 else f"in {bad.sum()} of {bad.size} scenes"
+        longest = np.nanmin(self.stats.get("longest_step", np.inf))
+        if np.isfinite(longest) and np.any(np.atleast_1d(self.result == Result.coarse)):
+            where += f"; the longest step that can be stable is {longest:.4g} s"
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
     def __str__(self):
@@ -154,6 +172,18 @@ def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
     for _ in range(scenes):
         over = jax.vmap(over)
     return over(system, ts, states)
+
+
+@eqx.filter_jit
+def _account(scenes: int, system, start, states, stats) -> Ledger:
+    of_one = account
+    for _ in range(scenes):
+        of_one = jax.vmap(of_one)
+    return of_one(system, start, states, stats)
+
+
+def _numbers(stats):
+    return {name: stats[name] for name in ("step", "lowest_strain") if name in stats}
 
 
 def _tip(system, t, state):

@@ -10,6 +10,7 @@ which become vectors of lanes under `vmap`.
 
 import abc
 import functools
+import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -22,6 +23,8 @@ from .equations import Scene
 from .lanes import Numbers, by_number
 from .motion import Flight, Rotation, State
 from .projection import Projection
+
+LONGEST_TURN = math.pi / 4  # rad in a step: beyond it the rod is not seen to turn
 
 
 class Split(NamedTuple):
@@ -83,6 +86,14 @@ class AbstractStepped(eqx.Module):
         """Undoes `opened`."""
         del scheme, table, h
         return y
+
+    def longest_step(self, scheme, ts: Float[Array, " T"]) -> Any:
+        """The step in s beyond which the method is unstable or cannot see the motion, in a run that saves at `ts`.
+
+        inf where no closed form says so: then only the motion itself shows it.
+        """
+        del scheme, ts
+        return jnp.inf
 
     def whole_step(self, scheme, table, t, h, y: Split) -> Split:
         """A step from y to y."""

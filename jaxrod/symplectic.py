@@ -4,11 +4,13 @@ Each is a Diffrax solver for the term that `System.split` makes, of fixed steps;
 Diffrax's.  Inside a step the state is that of the same method with a shorter step, so dense output is of full order.
 """
 
+import functools
 from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from .splitting import AbstractSplit, Stage
 
@@ -62,6 +64,11 @@ class AbstractSymplectic(diffrax.AbstractSolver):
     def kicks(self) -> tuple[float, ...]:
         """b_1 .. b_s."""
         return _whole(self.first_kicks, self._stages)
+
+    @property
+    def stable_phase(self) -> float:
+        """The longest step, as the angle of an oscillator cut into its inertia and its spring, at which nothing grows."""
+        return _stable_phase(self.drifts, self.kicks)
 
     @property
     def _stages(self) -> int:
@@ -160,6 +167,19 @@ class ABA864(AbstractSymplectic):
     small_kicks: ClassVar = True
     first_drifts: ClassVar = (0.07113342649822312, 0.2411534279566401, 0.5214117617728147)
     first_kicks: ClassVar = (0.18308368747219722, 0.3107828598985748, -0.0265646185119588)
+
+
+@functools.cache
+def _stable_phase(drifts: tuple[float, ...], kicks: tuple[float, ...]) -> float:
+    """Where half the trace of a step first leaves [-1, 1]."""
+    phase = np.arange(1e-3, 10.0, 1e-3)
+    x, p = np.stack([np.ones_like(phase), np.zeros_like(phase)]), np.stack([np.zeros_like(phase), np.ones_like(phase)])
+    x = x + drifts[0] * phase * p
+    for drift, kick in zip(drifts[1:], kicks, strict=True):
+        p = p - kick * phase * x
+        x = x + drift * phase * p
+    grows = np.abs(x[0] + p[1]) / 2 > 1 + 1e-9
+    return float(phase[np.argmax(grows) - 1])
 
 
 def _whole(first: tuple[float, ...], count: int) -> tuple[float, ...]:

@@ -200,7 +200,9 @@ class System(eqx.Module):
 
     def sound(self) -> Array:
         """Whether the scene makes sense: what construction asks of known numbers, for traced ones."""
-        sound = self.rod.valid() & _finite(self)
+        body = self.body
+        inertia, limits = body.mass_matrix[0, 0], jnp.finfo(body.mass_matrix.dtype)
+        sound = self.rod.valid() & _finite(self) & (inertia > limits.tiny / limits.eps) & _finite(body)
         if self._pivot is not None:
             sound = sound & (self._pivot >= 0) & (self._pivot <= self.rod.length)
         return sound

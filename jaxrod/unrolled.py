@@ -7,7 +7,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from .chart import Director, Embedded, Strains
-from .equations import Condensed, Moving
+from .equations import Condensed, Moving, eigenvalues
 from .lanes import by_number, gathered, scattered
 from .motion import Driven
 from .splitting import AbstractStepped, Split, lowest, watched
@@ -96,6 +96,14 @@ class Whole(AbstractStepped):
             return equations.acceleration(t, q, v)
 
         return Split(y.p, by_number(acceleration)(self.numbers, t, y.q, y.p))
+
+    def longest_step(self, scheme, ts):
+        # Two steps a period at least: no explicit method follows a vibration that it does not see.
+        del scheme, ts
+        body = self.equations.scene.body
+        if isinstance(self.equations, Condensed) or not body.stiffness_matrix.size:
+            return jnp.inf
+        return jnp.pi / jnp.sqrt(eigenvalues(body)[-1])
 
     def heading(self, y):
         size = self.equations.chart.size(self.equations.scene.motion)

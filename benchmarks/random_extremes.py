@@ -1,0 +1,293 @@
+"""Is the library ever silently wrong?  Random extreme scenes, float64 and float32, each against half the step in float64.
+
+    python benchmarks/random_extremes.py [--scenes 20000] [--seed 1]
+
+Moduli of 1e3 to 1e15 Pa, lengths of 1e-9 to 1e6 m, stiffness over weight of 1e-3 to 1e12 or no weight, radius ratios to 1e3
+and points both ways, bodies at the tip to 1e6 rod masses, spin to 3 times critical, starts at the poles, strains that
+collapse, up to 200 periods of the fastest of these.  All numbers are rounded to float32 first, so that both types compute
+the same scene.
+
+A scene is *silently wrong* if it ends ok and yet its tip is off by more than the promise of `tolerance` (1e-8 of the largest
+distance from the pivot; float32 1e-4, and 6e-7 for each radian turned), or its energy or angular momentum by more than ten
+times that.  Where two runs apart by the rounding of their steps (1e-14, float32 1.2e-7, times the root of their number;
+measured on a run whose start, gravity and modulus are moved) differ by more than the promise no solver can keep it: the
+scene is *beyond its horizon*, and counted apart.  Writes the part "random" of docs/extremes.md.
+"""
+
+import argparse
+import dataclasses
+import pathlib
+import time
+from typing import Any, NamedTuple
+
+import jaxrod
+
+jaxrod.configure()
+
+import jax  # noqa: E402
+import jax.numpy as jnp  # noqa: E402
+import numpy as np  # noqa: E402
+import report  # noqa: E402
+
+from jaxrod import Result  # noqa: E402
+
+PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
+DENSITY = 1000.0
+PROMISE = {"float64": 1e-8, "float32": 1e-4}
+APART = {"float64": 1e-14, "float32": 1.2e-7}  # what the rounding of a step sets two runs apart
+EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}
+LONGEST = 2**14  # steps
+SHIFT = 1e-9  # of the start, to see how distances grow
+CODES = ("ok", "collapsed", "diverged", "max_steps", "coarse", "non_finite", "past_critical", "invalid")
+
+
+class Kind(NamedTuple):
+    """Scenes of one structure, which share a compiled program."""
+
+    motion: str
+    n: int
+
+    def __str__(self):
+        return f"{self.motion}, Ritz({self.n})"
+
+
+KINDS = [
+    Kind("Rotation", 0), Kind("Rotation", 1), Kind("Rotation", 3), Kind("Rotation inside", 3), Kind("Spherical", 0),
+    Kind("Spherical", 1), Kind("Spherical", 3), Kind("Flight", 1), Kind("Flight", 3), Kind("Driven", 1), Kind("Driven", 3),
+]  # fmt: skip
+
+
+def draw(kind: Kind, count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """`count` random extreme scenes of a kind: the numbers that `scene` takes."""
+
+    def decades(low, high):
+        return 10.0 ** rng.uniform(low, high, count)
+
+    def sometimes(chance, value, other):
+        return np.where(rng.random(count) < chance, value, other)
+
+    ratio = decades(-3, 3)
+    ratio = sometimes(0.1, 0.0, ratio)  # a pointed tip
+    root = 1.0 if kind.motion == "Rotation" else sometimes(0.1 if kind.motion == "Flight" else 0.0, 0.0, 1.0)
+    ratio = np.where((ratio == 0) & (root == 0), 1.0, ratio)
+    sign = rng.choice([-1.0, 1.0], count)
+    return {
+        "young": decades(3, 15),
+        "length": decades(-9, 6),
+        "stiffness_over_weight": sometimes(0.15, np.inf, decades(-3, 12)),
+        "slenderness": decades(1, 4),
+        "root": root * np.ones(count),
+        "tip": ratio,
+        "tip_mass": sometimes(0.4, 0.0, decades(-3, 6)),
+        "pivot": rng.uniform(0.05, 0.95, count),
+        "angle": sometimes(0.2, rng.choice([-np.pi / 2, np.pi / 2, 0.0], count), rng.uniform(-np.pi, np.pi, count)),
+        "spin": sometimes(0.1, 0.0, sign * decades(-3, 0.5)),  # over the first axial rate
+        "azimuth_spin": sometimes(0.3, 0.0, sign * decades(-3, 0.5)),
+        "strain": sometimes(0.3, 0.0, rng.uniform(-0.7, 0.7, count)),
+        "strain_rate": sometimes(0.3, 0.0, rng.choice([-1.0, 1.0], count) * decades(-3, 0.5)),  # over the axial rate
+        "periods": decades(-1, 2.3),
+    }
+
+
+def scene(kind: Kind, p: dict) -> tuple[jaxrod.System, jaxrod.State, jax.Array]:
+    """System, start and save times, in float64 of numbers that float32 has too."""
+    length, unit = p["length"], p["length"] / p["slenderness"] / jnp.maximum(1.0, p["tip"])
+    section = jaxrod.Cone(_single(p["root"] * unit), _single(p["tip"] * unit))
+    mass = jaxrod.Rod(_single(length), section, _single(p["young"]), DENSITY).mass
+    rod = jaxrod.Rod(
+        _single(length), section, _single(p["young"]), jnp.asarray(DENSITY), tip_mass=_single(p["tip_mass"] * mass)
+    )
+    pinned = {"pivot": _single(p["pivot"] * length)} if kind.motion == "Rotation inside" else {}
+    gravity = _single(p["young"] / (DENSITY * length * p["stiffness_over_weight"]))
+    kinds: dict[str, Any] = {
+        "Rotation": jaxrod.Rotation,
+        "Rotation inside": jaxrod.Rotation,
+        "Spherical": jaxrod.Spherical,
+    }
+    kinds |= {"Flight": jaxrod.Flight}
+    moving: Any = jaxrod.Rotation() if kind.motion == "Driven" else kinds[kind.motion](**pinned)
+    own = jaxrod.Ritz(kind.n) if kind.n else jaxrod.LoadRitz(1)
+    rate = 2 * jnp.pi * jaxrod.natural_frequencies(jaxrod.System(rod, moving, own))[0]
+    spin = _single(p["spin"] * rate)
+    if kind.motion == "Driven":
+        moving = jaxrod.Driven(jax.tree_util.Partial(_steadily, spin))
+    system = jaxrod.System(rod, moving, jaxrod.Ritz(kind.n), gravity)
+    numbers = {} if kind.motion == "Driven" else {"angle": _single(p["angle"]), "rate": spin}
+    if kind.n:
+        numbers |= {"strain": _single(p["strain"]), "strain_rate": _single(p["strain_rate"] * rate)}
+    if kind.motion == "Spherical":
+        numbers |= {"azimuth_rate": _single(p["azimuth_spin"] * rate)}
+    # Periods of the fastest of vibration, turning and swing, whichever the scene is about.
+    swing = (
+        0.0
+        if kind.motion == "Flight"
+        else gravity * jnp.abs(system.body.first_moments[0]) / system.body.mass_matrix[0, 0]
+    )
+    fastest = jnp.sqrt(rate**2 + spin**2 + swing)
+    ts = _single(jnp.linspace(0.0, 1.0, 21)[1:] * p["periods"] * 2 * jnp.pi / fastest)
+    return system, system.state(**numbers), ts
+
+
+def _steadily(rate, t):
+    return rate * t
+
+
+def _single(x):
+    return jnp.asarray(x, jnp.float32).astype(jnp.float64)
+
+
+def _cast(tree, dtype):
+    return jax.tree.map(lambda x: x.astype(dtype), tree)
+
+
+def _place(sol) -> jax.Array:
+    """Of the tip from the pivot, in flight from the centre of mass, over the length."""
+    system = sol.system
+    return jax.vmap(system.body.reach)(sol.states.amplitudes)[:, None] * sol.states.direction / system.rod.length
+
+
+def yardstick(kind: Kind, p: dict) -> tuple[dict, dict]:
+    """One scene in float64: what was found, and what a run of half the step says for either type."""
+    system, start, ts = scene(kind, p)
+    double = jaxrod.simulate(system, start, ts=ts, max_steps=LONGEST)
+    steps = double.stats["num_steps"]
+    finer = jaxrod.simulate(system, start, ts=ts, n_steps=jnp.maximum(2 * steps, 1), max_steps=2 * LONGEST)
+    right, size = _place(finer), jnp.max(jnp.linalg.norm(_place(finer), axis=-1))
+    known = {
+        "right": right,
+        "size": size,
+        "finer": finer.result,
+        "place": _place(double),
+        "steps": steps,
+        "turned": jnp.mean(jnp.linalg.norm(finer.states.direction_rate, axis=-1)) * ts[-1],
+    }
+    return _found(double, known), known
+
+
+def growth(kind: Kind, p: dict, known: dict) -> jax.Array:
+    """How much further apart two runs get than they were set."""
+    system, start, ts = scene(kind, p)
+    # What rounding does everywhere, done once: the start moved, and gravity and modulus with it.
+    shifted = start
+    for part in ("direction", "amplitudes", "amplitude_rates", "direction_rate"):
+        unit = ts[-1] / p["periods"] / (2 * jnp.pi) if "rate" in part else 1.0
+        shifted = _moved(shifted, part, SHIFT / unit)
+    rod = dataclasses.replace(system.rod, young=system.rod.young * (1 + SHIFT))
+    other = dataclasses.replace(system, rod=rod, gravity=system.gravity * (1 - SHIFT))
+    shifted = jaxrod.simulate(other, shifted, ts=ts, n_steps=jnp.maximum(known["steps"], 1), max_steps=LONGEST)
+    return jnp.max(jnp.linalg.norm(_place(shifted) - known["place"], axis=-1)) / known["size"] / SHIFT
+
+
+def single(kind: Kind, p: dict, known: dict) -> dict:
+    """The same scene in float32."""
+    system, start, ts = scene(kind, p)
+    run = jaxrod.simulate(*_cast((system, start), jnp.float32), ts=ts.astype(jnp.float32), max_steps=LONGEST)
+    return _found(run, known)
+
+
+def _found(run, known: dict) -> dict:
+    """Its code, the error of its tip, and its ledger."""
+    book = run.ledger
+    kept = [x for x in (book.energy, book.angular_momentum) if x is not None]
+    return {
+        "result": run.result,
+        "error": jnp.max(jnp.linalg.norm(_place(run) - known["right"], axis=-1)) / known["size"],
+        "kept": jnp.max(jnp.stack(kept)) if kept else jnp.zeros(()),
+        "room": book.room,
+        "largest_strain": book.largest_strain,
+        "steps": run.stats["num_steps"],
+        "finer": known["finer"],
+        "turned": known["turned"],
+    }
+
+
+def look(kind: Kind, p: dict) -> dict[str, dict]:
+    """Many scenes in both types, in a program each: what `verdict` takes."""
+
+    def each(fn, *inputs) -> Any:
+        return jaxrod.sweep(lambda x: fn(kind, *x), inputs, order_by=p["periods"], progress=False)
+
+    with report.quiet():
+        double, known = each(yardstick, p)
+        grown = each(growth, p, known)
+        half = each(single, p, known)
+    return {name: {**found, "growth": grown} for name, found in (("float64", double), ("float32", half))}
+
+
+def _moved(state, part, by):
+    moved = getattr(state, part) + by
+    if part == "direction":
+        moved = moved / jnp.linalg.norm(moved)
+    if part == "direction_rate":
+        moved = moved - (moved @ state.direction) * state.direction
+    values = {name: getattr(state, name) for name in state.__dataclass_fields__}
+    return jaxrod.State(**{**values, part: moved})
+
+
+def verdict(name: str, found: dict) -> dict[str, np.ndarray]:
+    """For each scene, whether it is `ok`, `beyond` its horizon, and silently `wrong`."""
+    found = {key: x if isinstance(x, Result) else np.asarray(x, float) for key, x in found.items()}
+    ok = np.asarray(found["result"] == Result.ok)
+    promise = PROMISE[name] + EACH_RADIAN[name] * found["turned"]
+    apart = APART[name] * np.sqrt(np.maximum(found["steps"], 1))  # each step rounds anew
+    beyond = ok & ~(found["growth"] * apart <= promise)
+    off = ~(found["error"] <= promise)
+    wrong = ok & ((off & ~beyond) | ~(found["kept"] <= 10 * promise))
+    return {
+        "ok": ok,
+        "beyond": beyond,
+        "wrong": wrong,
+        "margin": found["error"] / promise,
+        "kept": found["kept"] / promise,
+    }
+
+
+def _shown(value) -> str:
+    return Result[value].split(":")[0] if isinstance(value, Result) else f"{float(value):.3g}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n")[0])
+    parser.add_argument("--scenes", type=int, default=20000, help="how many, over all kinds (default 20000)")
+    parser.add_argument("--seed", type=int, default=1, help="of the random numbers (default 1)")
+    parser.add_argument("--kinds", default="", help="only those whose name holds this")
+    parser.add_argument("--show", type=int, default=3, help="offenders to print of each kind and type (default 3)")
+    arguments = parser.parse_args()
+    rng, began = np.random.default_rng(arguments.seed), time.perf_counter()
+    kinds = [kind for kind in KINDS if arguments.kinds in str(kind)]
+    each, rows = -(-arguments.scenes // len(kinds)), []
+    for kind in kinds:
+        p = draw(kind, each, rng)
+        out = look(kind, p)
+        for name, found in out.items():
+            seen = verdict(name, found)
+            counts = {code: int(np.sum(found["result"] == getattr(Result, code))) for code in CODES}
+            kept = np.where(seen["ok"] & ~seen["beyond"], seen["margin"], 0.0)
+            rows.append(
+                [str(kind), name, *(f"{counts[code]}" for code in CODES), f"{seen['beyond'].sum()}",
+                 f"{np.nanmax(kept):.2g}", f"**{seen['wrong'].sum()}**"]
+            )  # fmt: skip
+            print(" | ".join(rows[-1]), f"{time.perf_counter() - began:.0f} s", flush=True)
+            for k in np.flatnonzero(seen["wrong"])[: arguments.show]:
+                numbers = ", ".join(f"{key}={value[k]:.6g}" for key, value in p.items())
+                saw = {key: _shown(jax.tree.map(lambda x, k=k: x[k], x)) for key, x in found.items()}
+                print(f"   silently wrong, scene {k}: {numbers}\n      {saw}")
+    report.write(
+        "random",
+        "\n".join(
+            [
+                "## Random extreme scenes",
+                "",
+                f"`python benchmarks/random_extremes.py --scenes {arguments.scenes} --seed {arguments.seed}`: {each} scenes of "
+                "each kind, each against half the step in float64; what is drawn and what counts as wrong is said in the "
+                "script.  The largest error is over the promise, of scenes that end ok within their horizon.",
+                "",
+                report.table(["scenes", "type", *CODES, "beyond horizon", "largest error", "silently wrong"], rows),
+            ]
+        ),
+        PAGE,
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,118 @@
+"""What a run kept that physics keeps, and how near it came to where the model ends: one line of numbers for each scene."""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import energy
+from .basis import QuasiStatic
+from .motion import Driven, Flight, State
+from .system import System
+
+
+class Ledger(eqx.Module):
+    """The books of a run, over its start and its saved states; it prints itself.  Leading axes are scenes.
+
+    - `energy`: the largest change of T + V over the largest sum of its parts (T, strain energy, |weight|); in flight that
+      of the motion about the centre of mass.  None where it need not be kept: forces, a drive, `QuasiStatic`.
+    - `angular_momentum`: the largest change over the most that the run's energy could turn, (2 energy J)^1/2: in the plane
+      about a pivot without gravity, in flight about the centre of mass, in space its part along gravity, or all of it
+      without gravity.  None where it need not be kept.
+    - `largest_strain`: the largest size of the strain along the rod.
+    - `room`: how near it came to collapse, 1 + the least strain along the rod, of equal steps at any of them.
+    - `turning`: the most the rod turned in a step, in rad, by its fastest rate and its mean step.
+    """
+
+    energy: Float[Array, "*scenes"] | None
+    angular_momentum: Float[Array, "*scenes"] | None
+    largest_strain: Float[Array, "*scenes"]
+    room: Float[Array, "*scenes"]
+    turning: Float[Array, "*scenes"]
+
+    def __str__(self):
+        return "\n".join(
+            [
+                f"energy: {_change(self.energy)}",
+                f"angular momentum: {_change(self.angular_momentum)}",
+                f"strain: at most {_range(self.largest_strain, jnp.nanmax)}, room to collapse "
+                f"{_range(self.room, jnp.nanmin)}",
+                f"turning: at most {_range(self.turning, jnp.nanmax)} rad in a step",
+            ]
+        )
+
+
+def account(system: System, start: State, states: State, stats: dict[str, Array]) -> Ledger:
+    """The ledger of one scene from its start, its saved states (leading axis T) and the counts of its run."""
+    body = system.body
+    all_ = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
+    turned = jnp.sum(all_.direction_rate**2, axis=-1)
+    strain = body.field(all_.amplitudes) if system.basis.n else jnp.zeros((*turned.shape, 1), turned.dtype)
+    conserved, momentum = _kept(system, all_)
+    return Ledger(
+        energy=conserved,
+        angular_momentum=momentum,
+        largest_strain=jnp.nanmax(jnp.abs(strain)),
+        room=1 + jnp.minimum(jnp.nanmin(strain), stats.get("lowest_strain", jnp.inf)),
+        turning=jnp.sqrt(jnp.nanmax(turned)) * stats["step"],
+    )
+
+
+def energy_change(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, ""]]:
+    """T + V of the states less that of the first, in J, and the scale to see it by: the largest sum of its parts.
+
+    In flight without the centre of mass, which decouples and falls exactly.
+    """
+    body, flies = system.body, isinstance(system.motion, Flight)
+
+    def parts(state):
+        turning = energy.kinetic_director(body, state.amplitudes, state.amplitude_rates, state.direction_rate)
+        weight = jnp.zeros_like(turning) if flies else system.gravity_energy(state)
+        return jnp.stack([turning, system.elastic_energy(state), weight])
+
+    found = jax.vmap(parts)(states)
+    # Part by part: of a stiff rod's large and constant parts the sum would lose what little has changed.
+    return jnp.sum(found - found[:1], axis=1), jnp.nanmax(jnp.sum(jnp.abs(found), axis=1))
+
+
+def _kept(system: System, states: State) -> tuple[Float[Array, ""] | None, Float[Array, ""] | None]:
+    """Change of energy and of angular momentum, each None where the scene need not keep it."""
+    if system.forces or isinstance(system.motion, Driven):
+        return None, None
+    change, size = energy_change(system, states)
+    energy_ = None if isinstance(system.basis, QuasiStatic) else _over(jnp.nanmax(jnp.abs(change)), size)
+    axis = _axis(system)
+    if axis is None:
+        return energy_, None
+    momentum = jax.vmap(system.angular_momentum)(states)
+    along = momentum[:, None] if momentum.ndim == 1 else momentum @ axis
+    change = jnp.sqrt(jnp.sum((along - along[:1]) ** 2, axis=-1))
+    inertia = jnp.nanmax(system.body.inertia(states.amplitudes))
+    return energy_, _over(jnp.nanmax(change), jnp.sqrt(2 * size * inertia))
+
+
+def _axis(system: System) -> Float[Array, "D kept"] | None:
+    """Directions along which the angular momentum is kept, as columns; in the plane there is one; None if there are none."""
+    dimension, gravity = system.motion.dimension, system.gravity
+    if gravity is None or isinstance(system.motion, Flight):
+        return jnp.eye(dimension, dtype=system.body.mass_matrix.dtype)
+    if dimension == 2:
+        return None
+    if gravity.ndim == 0:
+        return jnp.zeros((3, 1), gravity.dtype).at[2, 0].set(1.0)
+    size = jnp.sqrt(gravity @ gravity)
+    return (gravity / jnp.where(size > 0, size, 1.0))[:, None]
+
+
+def _over(change, size):
+    return change / jnp.where(size > 0, size, 1.0)
+
+
+def _change(kept) -> str:
+    return "not kept by this scene" if kept is None else f"changed by {_range(kept, jnp.nanmax)}"
+
+
+def _range(values, worst) -> str:
+    if jnp.ndim(values) == 0:
+        return f"{float(values):.3g}"
+    return f"{float(worst(values)):.3g} (the worst of {jnp.size(values)} scenes)"

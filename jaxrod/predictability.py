@@ -1,0 +1,124 @@
+"""How far ahead a motion can be told: where starts that nobody can tell apart part."""
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import checks, statics
+from .chart import Local
+from .motion import Driven, State
+from .result import Result
+from .simulation import simulate
+from .system import System
+
+_TIMES = 1000  # at which the distance is looked at; between them its logarithm is taken as straight
+
+
+class Horizon(eqx.Module):
+    """How far ahead a motion can be told; it prints itself.
+
+    `time` in s, inf if the run ends within tolerance, NaN if it failed before that (`result`); `growth_rate` in 1/s of
+    the distance, which tends to the Lyapunov exponent for long runs: of regular motion, where distances grow in
+    proportion to time, to zero; `ts` (T,) in s and `growth` (T,), the distance over that of the starts.
+    """
+
+    time: Float[Array, ""]
+    growth_rate: Float[Array, ""]
+    ts: Float[Array, " T"]
+    growth: Float[Array, " T"]
+    result: Result
+
+    def __str__(self):
+        return f"told to {float(self.time):.4g} s ahead; distances grow by {float(self.growth_rate):.3g} /s"
+
+
+def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> Horizon:
+    """The time beyond which two starts `distance` apart differ by `tolerance`.
+
+    No solver reaches further: rounding alone sets two starts apart.  The distance is followed by its linear equations (the
+    derivative of the run by its start), in the direction that grows most, so rounding does not limit it; of a distance
+    near one it is a guess.
+
+    **Arguments:**
+
+    - `t1`: the end in s of the search.
+    - `tolerance`: of the tip's position over the length of the rod, in flight about the centre of mass.
+    - `distance`: of the starts: in angles (rad) and strains, and in their rates over the natural rate of the scene (the
+      axial one).
+
+    **Raises:** `ValueError` for numbers that are not positive, and where nothing can be set apart (a rigid driven rod).
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=17658.0, density=1200.0)  # swing to strain 1 : 2
+    >>> system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    >>> start = system.state(angle=-1.5708, strain=0.3333, rate=2.7, strain_rate=-4.8)
+    >>> print(jaxrod.horizon(system, start, t1=60.0, tolerance=1e-6).time.round(0))
+    26.0
+    """
+    number = {"t1": t1, "tolerance": tolerance, "distance": distance}
+    t1, tolerance, distance = (checks.positive(name, x, "s" if name == "t1" else "1") for name, x in number.items())
+    if isinstance(system.motion, Driven) and system.basis.n == 0:
+        raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")
+    return _horizon(system, start, t1, tolerance, distance)
+
+
+@eqx.filter_jit
+def _horizon(system: System, start: State, t1, tolerance, distance) -> Horizon:
+    dtype = checks.float_type(system, start)
+    ts = jnp.linspace(0, t1, _TIMES + 1, dtype=dtype)[1:]
+
+    def tip(offset):
+        # Adaptive: of equal steps, written out stage by stage, the forward derivative takes XLA minutes to compile.
+        forward = {"solver": diffrax.Dopri8(), "adjoint": diffrax.ForwardMode()}
+        run = simulate(system, _moved(system, start, offset), ts=ts, **forward)
+        reach = jax.vmap(system.body.reach)(run.states.amplitudes)
+        return reach[:, None] * run.states.direction / system.rod.length, run.result
+
+    free = system.motion.dimension - 1 if not isinstance(system.motion, Driven) else 0
+    still = jnp.zeros(2 * (free + system.basis.n), dtype)
+
+    def slope(direction):
+        _, along, result = jax.jvp(tip, (still,), (direction,), has_aux=True)
+        return along, result
+
+    # One direction after the other, each with steps of its own.
+    slopes, result = jax.lax.map(slope, jnp.eye(still.size, dtype=dtype))
+    growth, result = jnp.linalg.norm(slopes, ord=2, axis=(0, 2)), jax.tree.map(lambda x: x[0], result)
+    beyond = distance * growth >= tolerance
+    first = jnp.argmax(beyond)
+    # Straight in the logarithm from the time before, where there is one.
+    earlier = jnp.maximum(first - 1, 0)
+    low, high = jnp.log(growth[earlier]), jnp.log(growth[first])
+    rise = jnp.where(high > low, high - low, 1.0)
+    part = jnp.where(high > low, (jnp.log(tolerance / distance) - low) / rise, 1.0)
+    passed = ts[earlier] + jnp.clip(part, 0.0, 1.0) * (ts[first] - ts[earlier])
+    never = jnp.where(result == Result.ok, jnp.inf, jnp.nan)
+    return Horizon(jnp.where(jnp.any(beyond), passed, never), _slope(ts, growth), ts, growth, result)
+
+
+def _moved(system: System, start: State, offset) -> State:
+    """The start with its angles, strains and their rates (over the natural rate) moved by `offset`."""
+    n, d = system.basis.n, start.direction
+    place, rate = jnp.split(offset, 2)
+    rate = rate * statics.natural_rate(system)
+    across = Local(d, jnp.zeros_like(start.turns)).tangents()
+    free = place.size - n
+    if free:
+        d = d + across @ place[:free]
+        d = d / jnp.sqrt(d @ d)
+    turning = start.direction_rate + (across @ rate[:free] if free else 0.0)
+    turning = turning - (turning @ d) * d
+    amplitudes, amplitude_rates = start.amplitudes + place[free:], start.amplitude_rates + rate[free:]
+    return State(d, turning, amplitudes, amplitude_rates, start.turns, start.center, start.center_velocity)
+
+
+def _slope(ts, growth) -> Float[Array, ""]:
+    """Of the logarithm of the growth against time, by least squares."""
+    seen = jnp.isfinite(growth) & (growth > 0)
+    count = jnp.maximum(jnp.sum(seen), 1)
+    heights = jnp.where(seen, jnp.log(jnp.where(seen, growth, 1.0)), 0.0)
+    mean_t, mean = jnp.sum(jnp.where(seen, ts, 0.0)) / count, jnp.sum(heights) / count
+    away = jnp.where(seen, ts - mean_t, 0.0)
+    return jnp.sum(away * (heights - mean)) / jnp.maximum(jnp.sum(away**2), jnp.finfo(ts.dtype).tiny)
