@@ -14,3 +14,6 @@ from .frequencies import critical_rate as critical_rate
 from .frequencies import natural_frequencies as natural_frequencies
 from .frequencies import spinning_frequencies as spinning_frequencies
 from .frequencies import steady_spin as steady_spin
+from .simulation import converged as converged
+from .simulation import simulate as simulate
+from .solution import ContinuumSolution as ContinuumSolution
