@@ -115,12 +115,13 @@ class Dynamics(eqx.Module):
         waves, pace, size = self.waves, self.pace, self.size
         w = waves.omega / pace
         d, rate, _ = self.pointing(t, y)
-        loads = self.loads(t, y, d, rate)
+        loads = self.pull(self.loads(t, y), y.a)
         db = loads / w + (-w * y.a if self.law is None else self._beyond_hooke(y.a) / w)
         if self.driven:
             return Phase(w * y.b, db, None, None, None, None)
 
-        push, reach = self.tip_push(t, y, d, rate), waves.reach + size * (waves.tip @ y.a)
+        push = self.tip_push(t, y, d, rate)
+        reach = waves.reach + size * (waves.tip @ y.a)
         moment = jnp.zeros_like(d) if push is None else reach * push
         if self.gravity is not None and y.center is None:
             moment = moment + (waves.first_moment + size * (waves.moment @ y.a)) * self.gravity
@@ -136,16 +137,19 @@ class Dynamics(eqx.Module):
             acceleration = acceleration + self.gravity
         return Phase(w * y.b, db, turning, moment, y.velocity, acceleration / (waves.reach * pace**2))
 
-    def loads(self, t, y: Phase, d, rate) -> Float[Array, " n"]:
-        """What pulls at the modes: centrifugal force, weight, the force at the tip."""
+    def loads(self, t, y: Phase) -> Float[Array, "3"]:
+        """What stretches the rod: |d'|^2 (1/s^2), g . d (m/s^2), the force at the tip along the rod (N)."""
+        d, rate, _ = self.pointing(t, y)
+        push, zero = self.tip_push(t, y, d, rate), jnp.zeros_like(d[0])
+        weight = zero if self.gravity is None or y.center is not None else self.gravity @ d
+        return jnp.stack([rate @ rate, weight, zero if push is None else push @ d])
+
+    def pull(self, loads: Float[Array, "3"], a: Float[Array, " n"]) -> Float[Array, " n"]:
+        """The loads on each mode."""
         waves = self.waves
-        loads = (rate @ rate) * (waves.lever / self.size + y.a)
-        if self.gravity is not None and y.center is None:
-            loads = loads + (self.gravity @ d) * waves.moment / self.size
-        push = self.tip_push(t, y, d, rate)
-        if push is not None:
-            loads = loads + (push @ d) * waves.tip / self.size
-        return loads / self.pace**2
+        pull = loads[0] * (waves.lever / self.size + a)
+        pull = pull + (loads[1] * waves.moment + loads[2] * waves.tip) / self.size
+        return pull / self.pace**2
 
     def tip_push(self, t, y: Phase, d, rate) -> Float[Array, " D"] | None:
         """The force at the tip as a vector, N."""
@@ -172,8 +176,8 @@ class Dynamics(eqx.Module):
         """Amplitudes at rest under the loads of the start: (omega^2 - |d'|^2) q = |d'|^2 lever + ..."""
         waves, zero = self.waves, jnp.zeros_like(self.waves.omega)
         y = self.encode(t, start, zero, zero)
-        d, rate, _ = self.pointing(t, y)
-        return self.loads(t, y, d, rate) * self.pace**2 * self.size / (waves.omega**2 - rate @ rate)
+        loads = self.loads(t, y)
+        return self.pull(loads, zero) * self.pace**2 * self.size / (waves.omega**2 - loads[0])
 
     # ---- quantities
 

@@ -79,7 +79,9 @@ def simulate(
     t0 = jnp.asarray(checks.number("t0", t0), dtype)
     ts = jnp.asarray(checks.number("ts", ts, (max(1, jnp.size(ts)),)), dtype)
     if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
-        raise ValueError(f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles.")
+        raise ValueError(
+            f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
+        )
     system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
     solution, critical = _run(system, start, t0, ts, static, modes, tolerance, error, order_for(rod, pivot, modes))
     if static and checks.fails(lambda x: x > 0, critical):
@@ -204,7 +206,8 @@ def _solve(system, waves: Waves, start: State, t0, ts, static, tolerance) -> Con
         saveat=diffrax.SaveAt(ts=(ts - t0) * pace),
         # What is saved is the end of a step: an interpolation would cost digits.
         stepsize_controller=diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=0.0, atol=tolerance), step_ts=(ts - t0) * pace
+            diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=3.0 * pace / waves.omega[-1]),
+            step_ts=(ts - t0) * pace,
         ),
         max_steps=_STEPS,
         throw=False,
@@ -217,8 +220,9 @@ def _solve(system, waves: Waves, start: State, t0, ts, static, tolerance) -> Con
     else:
         momentum = inertia[:, None] * jnp.cross(states.direction, states.direction_rate)
     energy = jax.vmap(dynamics.energy)(ts, phases)
+    loads = jax.vmap(dynamics.loads)(ts, phases)
     ended = diffrax.is_okay(raw.result) & jnp.all(jnp.isfinite(energy))
-    return ContinuumSolution(ts, states, energy, momentum, None, raw.stats["num_steps"], ended, waves, system)
+    return ContinuumSolution(ts, states, energy, momentum, loads, None, raw.stats["num_steps"], ended, waves, system)
 
 
 def _difference(fine: ContinuumSolution, coarse: ContinuumSolution) -> Errors:

@@ -27,7 +27,8 @@ class Errors(NamedTuple):
 class ContinuumSolution(eqx.Module):
     """A run of the exact rod.  Leading axes (T, ...) are times.
 
-    `ts` (T,) in s; `energy` (T,) in J; `angular_momentum` (T,), in space (T, 3), in kg m^2/s; `error`, an `Errors` or
+    `ts` (T,) in s; `energy` (T,) in J; `angular_momentum` (T,), in space (T, 3), in kg m^2/s; `loads` (T, 3), |d'|^2, g . d and
+    the force at the tip along the rod; `error`, an `Errors` or
     None; `steps`, how many were taken; `ended`, whether the run reached its end.  `states` holds director, centre and
     their rates, and as amplitudes those of the exact rod's modes (T, modes), which `waves` are.
     """
@@ -36,6 +37,7 @@ class ContinuumSolution(eqx.Module):
     states: State
     energy: Float[Array, " T"]
     angular_momentum: Float[Array, " T"] | Float[Array, "T 3"]
+    loads: Float[Array, "T 3"]
     error: Errors | None
     steps: Array
     ended: Bool[Array, ""]
@@ -81,7 +83,7 @@ class ContinuumSolution(eqx.Module):
     @property
     def tip_stretch(self) -> Float[Array, " T"]:
         """Displacement u of the tip in m, away from the pivot (in flight from the centre of mass)."""
-        return self.states.amplitudes @ self.waves.tip
+        return self.states.amplitudes @ self.waves.tip + self.loads @ self.waves.slack
 
     @property
     def tip(self) -> Float[Array, "T D"]:
@@ -93,7 +95,8 @@ class ContinuumSolution(eqx.Module):
         """Strain at the material coordinates s (m)."""
         s, rod = jnp.asarray(s), self.system.rod
         rigidity = rod.modulus(s) * rod.area(s)
-        return self.states.amplitudes @ self.waves.tension_at(s).T / rigidity[None, :]
+        amplitudes = jnp.concatenate([self.states.amplitudes, self.loads], axis=1)
+        return amplitudes @ self.waves.tension_at(s).T / rigidity[None, :]
 
     def __str__(self):
         if not checks.known(self.ts):
@@ -105,5 +108,7 @@ class ContinuumSolution(eqx.Module):
         ]
         if self.error is not None:
             worst = [float(np.max(np.asarray(x))) for x in self.error]
-            lines.append(f"half the modes change angle, rate, tip by {worst[0]:.1e} rad, {worst[1]:.1e} rad/s, {worst[2]:.1e} m")
+            lines.append(
+                f"half the modes change angle, rate, tip by {worst[0]:.1e} rad, {worst[1]:.1e} rad/s, {worst[2]:.1e} m"
+            )
         return "\n".join(lines)

@@ -24,6 +24,9 @@ class Waves(eqx.Module):
     u ds; `tip` (kg^-1/2), the displacement of the tip; `tension` (N, n) at the nodes, N per amplitude.  Of the rod at rest
     `inertia` (kg m^2), `first_moment` (kg m) and `reach` (m, of the tip) about the pivot, in flight the centre of mass,
     which is `origin` (m from the root); `mass` (kg); `rigidity` EA ds (N m) at the nodes of `panels`.
+
+    The modes beyond the n-th follow their loads as if at rest.  `slack` (3,) and `slack_tension` (N, 3) are what they add
+    to the tip's displacement and to the tension per unit of the three loads: |d'|^2, g . d and the force along the rod.
     """
 
     omega: Float[Array, " n"]
@@ -37,12 +40,17 @@ class Waves(eqx.Module):
     origin: Float[Array, ""]
     mass: Float[Array, ""]
     rigidity: Float[Array, " N"]
+    slack: Float[Array, "3"]
+    slack_tension: Float[Array, "N 3"]
     panels: Panels
 
     def first(self, n: int) -> "Waves":
         """The first n of them."""
         by_mode = lambda waves: (waves.omega, waves.lever, waves.moment, waves.tip, waves.tension)  # noqa: E731
-        return eqx.tree_at(by_mode, self, [x[..., :n] for x in by_mode(self)])
+        kept = eqx.tree_at(by_mode, self, [x[..., :n] for x in by_mode(self)])
+        beyond = jnp.stack([self.lever, self.moment, self.tip], axis=1)[n:] / self.omega[n:, None] ** 2
+        slack = self.slack + self.tip[n:] @ beyond, self.slack_tension + self.tension[:, n:] @ beyond
+        return eqx.tree_at(lambda waves: (waves.slack, waves.slack_tension), kept, slack)
 
     def amplitudes(self, strain: Float[Array, " N"]) -> Float[Array, " n"]:
         """Of a field of strain, given at the nodes: omega_k^2 q_k = int N_k strain ds."""
@@ -52,13 +60,14 @@ class Waves(eqx.Module):
         """Strain at the nodes."""
         return (self.tension @ q) * self.panels.ds / jnp.where(self.rigidity > 0, self.rigidity, 1.0)
 
-    def tension_at(self, s: Float[Array, " points"]) -> Float[Array, "points n"]:
-        """Tension in N per amplitude at the material coordinates s (m): its polynomial on each panel."""
-        ends, order, modes = self.panels.ends, self.panels.order, self.omega.size
+    def tension_at(self, s: Float[Array, " points"]) -> Float[Array, "points n+3"]:
+        """Tension in N per amplitude, and per load, at the material coordinates s (m): its polynomial on each panel."""
+        tension = jnp.concatenate([self.tension, self.slack_tension], axis=1)
+        ends, order = self.panels.ends, self.panels.order
         panel = jnp.clip(jnp.searchsorted(ends, s, side="right") - 1, 0, ends.size - 2)
         nodes = self.panels.s.reshape(-1, order)[panel]
         weight = _lagrange(s, nodes)
-        return jnp.einsum("po,pok->pk", weight, self.tension.reshape(-1, order, modes)[panel])
+        return jnp.einsum("po,pok->pk", weight, tension.reshape(-1, order, tension.shape[1])[panel])
 
 
 def waves(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Waves:
@@ -73,19 +82,24 @@ def waves(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Waves:
     s, ds = held.mesh.s, held.mesh.ds
     rigidity = rod.modulus(s) * rod.area(s) * ds
     stretched = omega[None, :] * V
+    by_force = jnp.where(ds > 0, safe_sqrt(rigidity) / jnp.where(ds > 0, ds, 1.0), 0.0)[:, None]
     inertia = held.lever @ held.lever
+    answers = jnp.stack([held.lever @ held.F, root @ held.F, held.tip], axis=1)
+    answers = answers - V @ (V.T @ answers)
     return Waves(
         omega=omega,
         lever=held.lever @ U,
         moment=root @ U,
         tip=held.tip @ stretched,
-        tension=stretched * jnp.where(ds > 0, safe_sqrt(rigidity) / jnp.where(ds > 0, ds, 1.0), 0.0)[:, None],
+        tension=stretched * by_force,
         inertia=inertia if rod.tip_inertia is None else inertia + rod.tip_inertia,
         first_moment=root @ held.lever,
         reach=rod.length - origin,
         origin=origin,
         mass=root @ root,
         rigidity=rigidity,
+        slack=held.tip @ answers,
+        slack_tension=answers * by_force,
         panels=Panels(ends, order),
     )
 
