@@ -115,13 +115,13 @@ class Dynamics(eqx.Module):
         waves, pace, size = self.waves, self.pace, self.size
         w = waves.omega / pace
         d, rate, _ = self.pointing(t, y)
-        loads = self.pull(self.loads(t, y), y.a)
-        db = loads / w + (-w * y.a if self.law is None else self._beyond_hooke(y.a) / w)
+        loads = self.loads(t, y)
+        db = self.pull(loads, y.a) / w + (-w * y.a if self.law is None else self._beyond_hooke(y.a) / w)
         if self.driven:
             return Phase(w * y.b, db, None, None, None, None)
 
         push = self.tip_push(t, y, d, rate)
-        reach = waves.reach + size * (waves.tip @ y.a)
+        reach = waves.reach + size * (waves.tip @ y.a) + loads @ waves.slack
         moment = jnp.zeros_like(d) if push is None else reach * push
         if self.gravity is not None and y.center is None:
             moment = moment + (waves.first_moment + size * (waves.moment @ y.a)) * self.gravity
@@ -157,10 +157,9 @@ class Dynamics(eqx.Module):
             return None
         force = self.force
         if callable(force):
-            strain, growth = (
-                jnp.zeros(self.spare, d.dtype).at[:1].set(x / (self.waves.reach + self.waves.origin))
-                for x in (self.size * (self.waves.tip @ y.a), self.size * ((self.waves.tip * self.waves.omega) @ y.b))
-            )
+            length, none = self.waves.reach + self.waves.origin, jnp.zeros(self.spare, d.dtype)
+            mean = self.size * self.waves.elongation / length
+            strain, growth = none.at[:1].set(mean @ y.a), none.at[:1].set((mean * self.waves.omega) @ y.b)
             full = self.decode(t, y)
             force = force(t, State(d, rate, strain, growth, full.turns, full.center, full.center_velocity))
         return force * d if jnp.ndim(force) == 0 else jnp.asarray(force)

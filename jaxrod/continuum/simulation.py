@@ -6,7 +6,7 @@ shares no code with the strain bases: it reads the rod, how it is held, what is 
 
 import warnings
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -25,6 +25,7 @@ from .waves import Waves, waves
 
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000
+_STABLE = 3.0  # step times the highest frequency, of Dopri8
 
 
 def simulate(
@@ -76,6 +77,8 @@ def simulate(
     tolerance = checks.positive("tolerance", tolerance, "radians and strains")
     if checks.fails(lambda x: x >= _LEAST, tolerance):
         raise ValueError(f"tolerance={checks.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
+    if static and not rod.linear:
+        raise ValueError(f"static=True is of Hooke's law; give start its strain, or leave out law={rod.law_name}.")
     t0 = jnp.asarray(checks.number("t0", t0), dtype)
     ts = jnp.asarray(checks.number("ts", ts, (max(1, jnp.size(ts)),)), dtype)
     if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
@@ -83,8 +86,8 @@ def simulate(
             f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
         )
     system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
-    solution, critical = _run(system, start, t0, ts, static, modes, tolerance, error, order_for(rod, pivot, modes))
-    if static and checks.fails(lambda x: x > 0, critical):
+    solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order_for(rod, pivot, modes))
+    if static and checks.fails(lambda x: x < 0, beyond):
         raise ValueError(
             f"static=True: the start turns at or beyond the critical rate of {float(solution.waves.omega[0]):.6g} rad/s, where "
             "no strain holds the rod; start it slower, or leave out static=."
@@ -161,21 +164,41 @@ def _check(system: Any, start: State, modes: int) -> None:
         )
 
 
+class _Run(NamedTuple):
+    """What is kept of a run; `tip`, the tip's displacement in m."""
+
+    states: State
+    tip: Float[Array, " T"]
+    energy: Float[Array, " T"]
+    angular_momentum: Array
+    loads: Float[Array, "T 3"]
+    steps: Array
+    ended: Array
+
+
 @eqx.filter_jit
 def _run(system, start, t0, ts, static, modes, tolerance, error, order) -> tuple[ContinuumSolution, Array]:
     rod, pivot, free = support(system)
     all_waves = waves(rod, pivot, free, modes, order)
-    fine = _solve(system, all_waves, start, t0, ts, static, tolerance)
-    errors = None
-    if error:
-        errors = _difference(fine, _solve(system, all_waves.first(modes // 2), start, t0, ts, static, 10 * tolerance))
+    if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
+        kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
+        runs = jax.lax.map(lambda x: _solve(system, all_waves, start, t0, ts, static, *x), (kept, tolerances))
+        run, coarse = (jax.tree.map(lambda x: x[i], runs) for i in (0, 1))  # noqa: B023
+        errors = _difference(run, coarse)
+    else:
+        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance), None
+    solution = ContinuumSolution(
+        ts, run.states, run.energy, run.angular_momentum, run.loads, errors, run.steps, run.ended, all_waves, system
+    )
     turning = start.direction_rate @ start.direction_rate
     if isinstance(system.motion, Driven):
         turning = system.motion.turning(t0)[1] ** 2
-    return eqx.tree_at(lambda s: s.error, fine, errors, is_leaf=lambda x: x is None), all_waves.omega[0] ** 2 - turning
+    return solution, turning - all_waves.omega[0] ** 2
 
 
-def _solve(system, waves: Waves, start: State, t0, ts, static, tolerance) -> ContinuumSolution:
+def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance) -> _Run:
+    """The run with the first `kept` of these waves."""
+    waves = all_waves.first(kept)
     gravity = system.gravity
     if gravity is not None and gravity.ndim == 0:
         gravity = jnp.zeros(system.motion.dimension, gravity.dtype).at[-1].set(-gravity)
@@ -183,56 +206,49 @@ def _solve(system, waves: Waves, start: State, t0, ts, static, tolerance) -> Con
     law = None if system.rod.linear else system.rod.law
     dynamics = Dynamics(waves, system.motion, gravity, force, law, system.basis.n)
 
-    zero = jnp.zeros_like(waves.omega)
+    q = dq = jnp.zeros_like(waves.omega)
     if static:
-        if law is not None:
-            raise ValueError(f"static=True is of Hooke's law; give the strain of the start, or leave out law={law}.")
-        q = dq = zero
         q = dynamics.static(t0, start)
-    elif system.basis.n == 0:
-        q = dq = zero
-    else:
+    elif system.basis.n:
         field = jax.vmap(lambda a: system.strain_field(eqx.tree_at(lambda x: x.amplitudes, start, a), waves.panels.s))
         q, dq = jax.vmap(waves.amplitudes)(field(jnp.stack([start.amplitudes, start.amplitude_rates])))
 
     pace = dynamics.pace
+    times = (ts - t0) * pace
+    # What is saved is the end of a step, as an interpolation would cost digits.  Steps beyond 3 / omega of the highest mode
+    # are unstable: kept below, none is refused for that.
+    controller = diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=_STABLE * pace / waves.omega[kept - 1])
     raw = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: dynamics(t0 + t / pace, y, args)),
         diffrax.Dopri8(),
         jnp.zeros_like(t0),
-        (ts[-1] - t0) * pace,
+        times[-1],
         None,
         dynamics.encode(t0, start, q, dq),
-        saveat=diffrax.SaveAt(ts=(ts - t0) * pace),
-        # What is saved is the end of a step: an interpolation would cost digits.
-        stepsize_controller=diffrax.ClipStepSizeController(
-            diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=3.0 * pace / waves.omega[-1]),
-            step_ts=(ts - t0) * pace,
-        ),
+        saveat=diffrax.SaveAt(ts=times),
+        stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=times),
         max_steps=_STEPS,
         throw=False,
     )
     phases: Any = raw.ys
-    states = jax.vmap(dynamics.decode)(ts, phases)
+    states, loads = jax.vmap(dynamics.decode)(ts, phases), jax.vmap(dynamics.loads)(ts, phases)
     inertia = waves.inertia * jax.vmap(dynamics.inertia)(phases.a)
-    if states.planar:
-        momentum = inertia * states.rate
-    else:
-        momentum = inertia[:, None] * jnp.cross(states.direction, states.direction_rate)
+    turning = states.rate if states.planar else jnp.cross(states.direction, states.direction_rate)
+    momentum = jax.vmap(jnp.multiply)(inertia, turning)
     energy = jax.vmap(dynamics.energy)(ts, phases)
-    loads = jax.vmap(dynamics.loads)(ts, phases)
     ended = diffrax.is_okay(raw.result) & jnp.all(jnp.isfinite(energy))
-    return ContinuumSolution(ts, states, energy, momentum, loads, None, raw.stats["num_steps"], ended, waves, system)
+    tip = states.amplitudes @ waves.tip + loads @ waves.slack
+    return _Run(states, tip, energy, momentum, loads, raw.stats["num_steps"], ended)
 
 
-def _difference(fine: ContinuumSolution, coarse: ContinuumSolution) -> Errors:
-    tip = jnp.abs(fine.tip_stretch - coarse.tip_stretch)
-    if fine.states.planar:
-        return Errors(jnp.abs(fine.angle - coarse.angle), jnp.abs(fine.rate - coarse.rate), tip)
+def _difference(fine: _Run, coarse: _Run) -> Errors:
+    tip = jnp.abs(fine.tip - coarse.tip)
+    one, other = fine.states, coarse.states
+    if one.planar:
+        return Errors(jnp.abs(one.angle - other.angle), jnp.abs(one.rate - other.rate), tip)
 
     def apart(x, y):
         return jnp.sqrt(jnp.sum((x - y) ** 2, axis=-1))
 
-    chord = apart(fine.director, coarse.director)
-    turning = apart(fine.states.direction_rate, coarse.states.direction_rate)
+    chord, turning = apart(one.direction, other.direction), apart(one.direction_rate, other.direction_rate)
     return Errors(2 * jnp.arcsin(jnp.minimum(chord / 2, 1.0)), turning, tip)

@@ -21,7 +21,8 @@ class Waves(eqx.Module):
     """The first n modes, ascending.  Amplitudes q (n,) are in m kg^1/2.
 
     `omega` (rad/s), mode by mode; by these amplitudes `lever` (kg^1/2 m), int rho A x u ds; `moment` (kg^1/2), int rho A
-    u ds; `tip` (kg^-1/2), the displacement of the tip; `tension` (N, n) at the nodes, N per amplitude.  Of the rod at rest
+    u ds; `tip` (kg^-1/2), the displacement of the tip, `elongation` of
+    the whole rod; `tension` (N, n) at the nodes, N per amplitude.  Of the rod at rest
     `inertia` (kg m^2), `first_moment` (kg m) and `reach` (m, of the tip) about the pivot, in flight the centre of mass,
     which is `origin` (m from the root); `mass` (kg); `rigidity` EA ds (N m) at the nodes of `panels`.
 
@@ -33,6 +34,7 @@ class Waves(eqx.Module):
     lever: Float[Array, " n"]
     moment: Float[Array, " n"]
     tip: Float[Array, " n"]
+    elongation: Float[Array, " n"]
     tension: Float[Array, "N n"]
     inertia: Float[Array, ""]
     first_moment: Float[Array, ""]
@@ -44,12 +46,17 @@ class Waves(eqx.Module):
     slack_tension: Float[Array, "N 3"]
     panels: Panels
 
-    def first(self, n: int) -> "Waves":
-        """The first n of them."""
-        by_mode = lambda waves: (waves.omega, waves.lever, waves.moment, waves.tip, waves.tension)  # noqa: E731
-        kept = eqx.tree_at(by_mode, self, [x[..., :n] for x in by_mode(self)])
-        beyond = jnp.stack([self.lever, self.moment, self.tip], axis=1)[n:] / self.omega[n:, None] ** 2
-        slack = self.slack + self.tip[n:] @ beyond, self.slack_tension + self.tension[:, n:] @ beyond
+    def first(self, n: Any) -> "Waves":
+        """These waves as if there were n modes: the others carry nothing.  n may be traced."""
+        beyond = jnp.arange(self.omega.size) >= n
+        carried = jnp.stack([self.lever, self.moment, self.tip], axis=1) * (beyond / self.omega**2)[:, None]
+        slack = self.slack + self.tip @ carried, self.slack_tension + self.tension @ carried
+        by_mode = lambda waves: (waves.lever, waves.moment, waves.tip, waves.elongation, waves.tension)  # noqa: E731
+        kept = eqx.tree_at(
+            by_mode,
+            self,
+            [jnp.where(beyond, 0.0, x) for x in by_mode(self)[:4]] + [jnp.where(beyond[None, :], 0.0, self.tension)],
+        )
         return eqx.tree_at(lambda waves: (waves.slack, waves.slack_tension), kept, slack)
 
     def amplitudes(self, strain: Float[Array, " N"]) -> Float[Array, " n"]:
@@ -83,6 +90,7 @@ def waves(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Waves:
     rigidity = rod.modulus(s) * rod.area(s) * ds
     stretched = omega[None, :] * V
     by_force = jnp.where(ds > 0, safe_sqrt(rigidity) / jnp.where(ds > 0, ds, 1.0), 0.0)[:, None]
+    compliance = jnp.where(ds > 0, ds / jnp.where(ds > 0, safe_sqrt(rigidity), 1.0), 0.0)
     inertia = held.lever @ held.lever
     answers = jnp.stack([held.lever @ held.F, root @ held.F, held.tip], axis=1)
     answers = answers - V @ (V.T @ answers)
@@ -91,6 +99,7 @@ def waves(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Waves:
         lever=held.lever @ U,
         moment=root @ U,
         tip=held.tip @ stretched,
+        elongation=compliance @ stretched,
         tension=stretched * by_force,
         inertia=inertia if rod.tip_inertia is None else inertia + rod.tip_inertia,
         first_moment=root @ held.lever,
