@@ -55,7 +55,7 @@ ROTORS = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("name", ROTORS)
+@pytest.mark.parametrize("name", ["sudden", *(pytest.param(x, marks=pytest.mark.slow) for x in ("steady", "uniform"))])
 def test_rotor(name):
     """Figure 2 and its uniform rod, from rest and from the static stretch, to all digits that are known."""
     (section, radii), angle, static, known, *figures = ROTORS[name]
@@ -67,6 +67,7 @@ def test_rotor(name):
     assert np.ptp(sol.energy) < 1e-11 * abs(sol.energy[0])
 
 
+@pytest.mark.slow
 def test_error_bounds_the_error():
     """Half the modes change more than what is wrong with all of them; the tip gains three powers of their number."""
     (section, radii), angle, _, _, *figures = ROTORS["uniform"]
@@ -106,6 +107,7 @@ def test_steady_spin(radii, fraction, rate, tip, strain, inertia):
         assert off(sol.strain([1.0]), 0.0) < 1e-12 * strain
 
 
+@pytest.mark.slow
 def test_static_tip_is_the_steady_spin():
     system = unit(jaxrod.Cone(2.0, 3.0), jaxrod.Rotation(0.3), tip_mass=1.5)
     sol = continuum.simulate(system, system.state(rate=0.4), ts=jnp.array([1.0]), static=True)
@@ -140,17 +142,21 @@ RELEASE = {  # radii: tip over its initial displacement; int A s u ds over the i
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("radii", RELEASE)
+@pytest.mark.parametrize(
+    "radii", [(1.0, 1.0), (2.0, 3.0), *(pytest.param(x, marks=pytest.mark.slow) for x in ((3.0, 2.0), (1.0, 5.0)))]
+)
 def test_release(radii):
     """Kinks keep the tip to 0.2 / modes; what is integrated over the rod has digits."""
     tip, moment = RELEASE[radii]
     system = unit(jaxrod.Cone(*radii), STILL)
-    sol = continuum.simulate(system, system.state(strain=1.0), ts=jnp.array(TAUS), modes=128, tolerance=1e-11)
-    assert off(sol.tip_stretch, tip) < 0.21 / 128
-    assert off(sol.states.amplitudes @ sol.waves.lever, moment) < 1e-7 * max(np.abs(moment))
+    sol = continuum.simulate(
+        system, system.state(strain=1.0), ts=jnp.array(TAUS), modes=64, tolerance=1e-10, error=False
+    )
+    assert off(sol.tip_stretch, tip) < 0.21 / 64
+    assert off(sol.states.amplitudes @ sol.waves.lever, moment) < 1e-6 * max(np.abs(moment))
     # the series of as many terms is the same thing, found otherwise
-    assert off(sol.tip_stretch, continuum.release(system_of(radii), 1.0, jnp.array(TAUS), n=128)) < 1e-8
-    assert off(continuum.release(system_of(radii), 1.0, jnp.array(TAUS), n=1500), tip) < 0.21 / 1500
+    assert off(sol.tip_stretch, continuum.release(system_of(radii), 1.0, jnp.array(TAUS), n=64)) < 1e-5
+    assert off(continuum.release(system_of(radii), 1.0, jnp.array(TAUS), n=400), tip) < 0.21 / 400
 
 
 def system_of(radii):
@@ -171,6 +177,7 @@ def test_release_goes_on_converging(radii):
 # ---- closed forms
 
 
+@pytest.mark.slow
 def test_release_of_a_uniform_rod():
     """d'Alembert's triangle: the error halves as the modes double, no more, and the estimate says so."""
     ts, errors = jnp.linspace(0.1, 8.0, 80), []
@@ -190,7 +197,7 @@ def test_step_load():
     static = 0.01
     assert off(sol.tip_stretch / static, 1 - triangle(ts)) < 0.21 / 64
     assert abs(float(sol.tip_stretch.max()) / static - 2) < 0.21 / 64
-    still = continuum.simulate(system, system.state(), ts=ts, modes=8, static=True)
+    still = continuum.simulate(system, system.state(), ts=ts, modes=64, tolerance=1e-11, static=True)
     np.testing.assert_allclose(still.tip_stretch, static, rtol=1e-12)
     np.testing.assert_allclose(still.strain([0.0, 0.4, 1.0]), 0.01, rtol=1e-12)
     # as many vibrations as the strain has, by the power of the force: T + V - F u stays
@@ -198,6 +205,7 @@ def test_step_load():
     assert np.ptp(sol.energy - work) < 1e-6 * float(work.max())
 
 
+@pytest.mark.slow
 def test_slow_load():
     """A force that grows over hundreds of periods is followed as if at rest."""
     area = np.pi * 0.3**2
@@ -208,6 +216,7 @@ def test_slow_load():
     assert off(sol.tip_stretch, 0.01 * np.sin(np.asarray(ts) * np.pi / 800) ** 2) < 1e-6
 
 
+@pytest.mark.slow
 def test_flight_and_middle_pivot_are_two_halves():
     """A uniform rod in flight, or held in the middle, turns and stretches as one of half its length held at the root."""
     ts = jnp.array([0.5, 1.0, 3.0])
@@ -230,6 +239,20 @@ def test_flight_and_middle_pivot_are_two_halves():
             assert off(along, 0.5 + want.tip_stretch) < 1e-8
 
 
+def test_flight_keeps_what_it_must():
+    """Energy, angular momentum and the parabola of the centre of mass, of a cone that turns."""
+    system, ts = unit(jaxrod.Cone(2.0, 3.0), jaxrod.Flight(), gravity=3.0), jnp.array([0.5, 1.0, 3.0])
+    start = system.state(angle=0.2, rate=1.5, strain=0.02, center=(1.0, 2.0), center_velocity=(0.5, 4.0))
+    sol = continuum.simulate(system, start, ts=ts, modes=16, error=False)
+    t = np.asarray(ts)
+    assert off(sol.center, np.stack([1.0 + 0.5 * t, 2.0 + 4.0 * t - 3.0 * t**2 / 2], axis=1)) < 1e-11
+    assert np.ptp(sol.angular_momentum) < 1e-12 * abs(sol.angular_momentum[0])
+    assert np.ptp(sol.energy) < 1e-9 * abs(sol.energy[0])
+    turning = float(jnp.ptp(sol.rate))
+    assert turning > 0.01  # it stretches, and that slows the turning
+
+
+@pytest.mark.slow
 def test_free_free_release():
     """Free at both ends and not turning: each half of the rod is let go by itself."""
     system, ts = unit(jaxrod.Uniform(0.3), jaxrod.Flight()), jnp.linspace(0.1, 4.0, 40)
@@ -244,15 +267,17 @@ def test_spherical_is_rotation_for_a_planar_start():
     ts, numbers = jnp.linspace(0.05, 0.3, 6), {"young": 1e7, "density": 1200.0, "gravity": 9.81}
     plane = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), **numbers)
     space = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Spherical(), **numbers)
-    flat = continuum.simulate(plane, plane.state(angle=0.3, rate=9.0, strain=0.01), ts=ts, modes=16)
-    sol = continuum.simulate(space, space.state(angle=0.3, rate=9.0, azimuth=0.7, strain=0.01), ts=ts, modes=16)
+    flat = continuum.simulate(plane, plane.state(angle=0.3, rate=9.0, strain=0.01), ts=ts, modes=16, error=False)
+    sol = continuum.simulate(
+        space, space.state(angle=0.3, rate=9.0, azimuth=0.7, strain=0.01), ts=ts, modes=16, error=False
+    )
     outward = np.array([np.cos(0.7), np.sin(0.7)])
     want = np.concatenate([np.cos(flat.angle)[:, None] * outward[None, :], np.sin(flat.angle)[:, None]], axis=1)
     assert off(sol.director, want) < 1e-10  # through the pole
     assert off(sol.tip_stretch, flat.tip_stretch) < 1e-9 and off(sol.energy, flat.energy) < 1e-7
-    assert off(sol.error.angle, flat.error.angle) < 1e-9
 
 
+@pytest.mark.slow
 def test_what_is_conserved_in_space():
     ts = jnp.linspace(0.1, 0.5, 5)
     for gravity in (None, 9.81):
@@ -282,6 +307,7 @@ def compared(system, start, ts, modes=48, **options):
 STEPPED = jaxrod.Steps([0.4], [2e-3, 1e-3])
 
 
+@pytest.mark.slow
 def test_breaks_pivot_and_tip_body():
     """All at once: a step in area, another in modulus, a pivot inside, a body at the tip with inertia, gravity."""
     young = jaxrod.Steps([0.7], [1e7, 3e7])
@@ -291,6 +317,7 @@ def test_breaks_pivot_and_tip_body():
     assert angle < 2e-7 and rate < 1e-3 and tip < 2e-5
 
 
+@pytest.mark.slow
 def test_tip_force_in_space():
     """One that keeps its direction, growing: it turns the rod, stretches it and pulls it along."""
     for motion in (jaxrod.Rotation(), jaxrod.Flight()):
@@ -300,6 +327,7 @@ def test_tip_force_in_space():
         assert angle < 1e-6 and rate < 1e-4 and tip < 1e-6
 
 
+@pytest.mark.slow
 def test_other_strain_laws():
     system = unit(
         jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), jaxrod.Ritz(8), gravity=9.81, young=1e7, density=1200.0,
@@ -315,6 +343,7 @@ def test_other_strain_laws():
     assert off(sol.tip_stretch, linear.tip_stretch) > 1e-4
 
 
+@pytest.mark.slow
 def test_strain_of_the_start():
     """The field of the basis, its rates too, and none of a rigid rod."""
     s = jnp.array([0.1, 0.5, 0.8])
@@ -332,6 +361,7 @@ def test_strain_of_the_start():
 # ---- how it is called
 
 
+@pytest.mark.slow
 def test_converged():
     system = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), gravity=9.81, young=1e7, density=1200.0)
     start, ts = system.state(rate=15.0), jnp.array([0.05, 0.1])
@@ -343,7 +373,8 @@ def test_converged():
         continuum.converged(let_go, start, ts=ts, change=1e-8, modes=4, most=16)
 
 
-def test_transformed():
+@pytest.mark.slow
+def test_transformed(caplog):
     """Under jit and vmap; another rod, start and times of the same shapes are no new program."""
     ts = jnp.array([0.05, 0.1])
 
@@ -352,12 +383,10 @@ def test_transformed():
         sol = continuum.simulate(system, system.state(rate=rate), ts=ts, modes=8, error=False)
         return sol.angle, sol.ok
 
-    from jaxrod.continuum.simulation import _run
-
     single, _ = run(1e7, 15.0)
-    programs = _run._cached._cache_size()
-    run(2e7, 12.0)
-    assert _run._cached._cache_size() == programs
+    with jax.log_compiles(), caplog.at_level("WARNING"):
+        run(2e7, 12.0)
+    assert not [record for record in caplog.records if "Compiling _run" in record.getMessage()]
     assert off(jax.jit(run)(1e7, 15.0)[0], single) < 1e-10
     many, ok = jax.vmap(run)(jnp.array([1e7, 2e7]), jnp.array([15.0, 12.0]))
     assert off(many[0], single) < 1e-9 and ok.all()
@@ -371,6 +400,7 @@ def test_says_what_it_is():
     assert silent.error is None and "half" not in str(silent)
 
 
+@pytest.mark.slow
 def test_pressed_to_nothing():
     """Let go fast inwards the strain passes -1: the run goes on, and is not ok."""
     system = unit(jaxrod.Uniform(0.3), STILL)

@@ -30,10 +30,10 @@ class Phase(NamedTuple):
 
     a: Float[Array, " n"]
     b: Float[Array, " n"]
-    pointing: Float[Array, "..."] | None
-    momentum: Float[Array, "..."] | None
-    center: Float[Array, " 2"] | None
-    velocity: Float[Array, " 2"] | None
+    pointing: Any
+    momentum: Any
+    center: Any
+    velocity: Any
 
 
 class Dynamics(eqx.Module):
@@ -74,7 +74,7 @@ class Dynamics(eqx.Module):
         else:
             pointing, turning = start.direction, jnp.cross(start.direction, start.direction_rate)
         momentum = self.inertia(a) * turning / self.pace
-        if start.center is None:
+        if start.center is None or start.center_velocity is None:
             return Phase(a, b, pointing, momentum, None, None)
         reach = self.waves.reach
         return Phase(a, b, pointing, momentum, start.center / reach, start.center_velocity / (reach * self.pace))
@@ -155,7 +155,7 @@ class Dynamics(eqx.Module):
         """The force at the tip as a vector, N."""
         if self.force is None:
             return None
-        force = self.force
+        force: Any = self.force
         if callable(force):
             length, none = self.waves.reach + self.waves.origin, jnp.zeros(self.spare, d.dtype)
             mean = self.size * self.waves.elongation / length
