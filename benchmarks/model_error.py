@@ -59,7 +59,7 @@ def release_table():
     held, rows = jaxrod.Driven(lambda t: 0.0 * t), []
     unit = {"length": 1.0, "young": 1.0, "density": 1.0}
     tau = jnp.linspace(0.005, 40.0, 8000)
-    near = np.asarray(tau) <= 4
+    near = np.asarray(tau) <= 4 + 1e-9
     for n, published in RELEASE.items():
         row = [str(n)]
         for radii, other in zip(CONES.values(), published, strict=True):
@@ -109,7 +109,7 @@ def rotor_table():
     cases = {
         "sudden": (jaxrod.Cone(0.02, 0.03), 0.0, False),
         "steady": (jaxrod.Cone(0.02, 0.03), 0.0, True),
-        "uniform": (jaxrod.Uniform(0.025), -np.pi / 2, False),
+        "uniform": (jaxrod.Uniform(0.025), 0.0, False),
     }
     worst = 0.0
     for name, (section, angle, static) in cases.items():
@@ -117,7 +117,7 @@ def rotor_table():
         run = jaxrod.continuum.simulate(scene, scene.state(angle=angle, rate=15.0), ts=ts, static=static, modes=128)
         exact[name], spread[name] = run, float(np.std(run.tip_stretch))
         assert run.error is not None
-        worst = max(worst, float(run.error.angle.max()), float(run.error.tip.max()))
+        worst = max(worst, float(run.error.angle.max()))
     for n, published in ROTOR.items():
         row = [str(n)]
         for (name, (section, angle, static)), other in zip(cases.items(), published, strict=True):
@@ -140,12 +140,12 @@ def limit_table():
     rows, points = [], []
     for young in (1e7, 1e8, 1e9, 1e10):
         angles = []
-        for basis in (jaxrod.Ritz(1), jaxrod.Ritz(0), jaxrod.QuasiStatic(jaxrod.Ritz(1))):
+        condensed = jaxrod.QuasiStatic(jaxrod.Ritz(1))  # pyright: ignore[reportCallIssue] n is a property of it
+        for basis in (jaxrod.Ritz(1), jaxrod.Ritz(0), condensed):
             scene = system(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), basis, gravity=9.81, young=young)
-            start = scene.state(rate=15.0)
-            if isinstance(basis, jaxrod.QuasiStatic):  # the same angular momentum, not the same rate
-                start = quasi_static(scene, 15.0 * float(scene.body.mass_matrix[0, 0]))
-            angles.append(float(jaxrod.simulate(scene, start, t1=10.0, tolerance=1e-11).angle[-1]))
+            # QuasiStatic starts with the angular momentum of the unstretched state, as it should.
+            run = jaxrod.simulate(scene, scene.state(rate=15.0), t1=10.0, tolerance=1e-12)
+            angles.append(float(run.angle[-1]))
         full = system(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), young=young)
         delta = float((15.0 / (2 * np.pi * jaxrod.natural_frequencies(full)[0])) ** 2)
         errors = angles[1] - angles[0], angles[2] - angles[0]
@@ -153,24 +153,6 @@ def limit_table():
         others = LIMITS.get(young, ("+3.42e-3", "-2.1e-8"))
         rows.append([f"{young:.0e}", f"{delta:.1e}", f"{errors[0]:+.2e}", others[0], f"{errors[1]:+.1e}", others[1]])
     return rows, np.array(points)
-
-
-def quasi_static(scene, momentum):
-    """The state at angle 0 whose angular momentum, with the static stretch, is the wanted one."""
-    body = scene.body
-
-    def excess(rate):
-        a = jnp.linalg.solve(
-            body.stiffness_matrix - rate**2 * body.mass_matrix[1:, 1:], rate**2 * body.mass_matrix[1:, 0]
-        )
-        z = jnp.concatenate([jnp.ones(1), a])
-        return rate * (z @ body.mass_matrix @ z) - momentum
-
-    low, high = 0.0, 15.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        low, high = (middle, high) if excess(middle) < 0 else (low, middle)
-    return scene.state(rate=low)
 
 
 def picture(points, path):
@@ -182,7 +164,7 @@ def picture(points, path):
         axes.loglog(points[:, 0], points[:, column], "o", color=color)
         axes.loglog(points[:, 0], 10**height * points[:, 0] ** slope, color=color)
         axes.annotate(
-            f"{name}: power {slope:.2f}", (points[1, 0], points[1, column]), (6, -12), textcoords="offset points"
+            f"{name}: power {slope:.2f}", (points[2, 0], points[2, column]), (10, -4), textcoords="offset points"
         )
     axes.set(xlabel="δ = (rate / strain frequency)²", ylabel="angle after 10 s, off by (rad)")
     figure.savefig(path, dpi=120)
@@ -200,8 +182,10 @@ def main():
     spins = [x for name in CONES for x in (f"{name}, n = 1", "elsewhere", "2", "3", "4")]
     text = f"""# What a basis gets wrong in motion
 
-Written by `python benchmarks/model_error.py`. {machine()} `Ritz(n)` against the exact rod (`jaxrod.continuum`); "elsewhere" is
-what another program found: polynomials of degree n against closed forms and 80 exact modes.
+Written by `python benchmarks/model_error.py`. {machine()}
+
+`Ritz(n)` against the exact rod (`jaxrod.continuum`); "elsewhere" is what another program found: polynomials of degree n
+against closed forms and 80 exact modes.
 
 ## Let go from uniform strain
 
@@ -218,9 +202,9 @@ Stretch of the tip in a prescribed spin, by its rate over the exact rod's critic
 
 ## Swung round under gravity
 
-The paper's rod and its uniform companion, 15 rad/s at the start, for 2 s: |angle| at the end (rad), the largest |rate|
-(rad/s), rms of the tip's stretch over its standard deviation. Sudden: from no stretch; steady: from the static one. By
-its own estimate the exact rod is known to {worst:.0e} (128 modes against 64).
+The paper's rod and its uniform companion, 15 rad/s at the start, for 2 s: error of the angle at the end (rad), the largest of
+the rate (rad/s), rms of that of the tip's stretch over its standard deviation. Sudden: from no stretch; steady: from the
+static one. By its own estimate the exact rod's angle is known to {worst:.0e} rad (128 modes against 64).
 
 {table(["n", "cone, sudden", "elsewhere", "cone, steady", "elsewhere", "uniform, sudden", "elsewhere"], rotor)}
 
