@@ -165,7 +165,15 @@ def test_configure_comes_first():
 # ---- examples in docstrings
 
 
-_LONG_TO_COMPILE = ("basis.QuasiStatic", "force.ShakenBase", "force.TipForce", "modal.modes", "statics.equilibrium")
+_LONG_TO_COMPILE = (
+    "basis.QuasiStatic",
+    "continuum.simulation.converged",
+    "continuum.simulation.simulate",
+    "force.ShakenBase",
+    "force.TipForce",
+    "modal.modes",
+    "statics.equilibrium",
+)
 
 
 def _examples():

@@ -1,0 +1,93 @@
+"""How the rod is held, and what it gives way to axial forces there.
+
+From the point that is held, displacement is u = C (N / EA) and tension N = C* (rho A omega^2 u), where C integrates
+from that point.  On Gauss-Legendre nodes C is a matrix, exact for the polynomials of each panel, and with
+
+    F = (rho A ds)^1/2  C  (ds / EA)^1/2
+
+(one more row for the body at the tip) the frequencies are omega = 1 / singular values of F.  In flight the mean of u is
+taken out of F.  A pivot inside the rod holds two parts that know nothing of each other.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .. import checks
+from ..mesh import Mesh, mesh, panel_ends, safe_sqrt
+from ..rod import Lumped, Rod
+
+
+def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
+    """The rod, its pivot (m from the root; None: the root itself, or none in flight), and whether it is in flight."""
+    rod = system.rod
+    if isinstance(rod, Lumped):
+        raise ValueError("rod=Lumped(...) has no length of material to vibrate; give a Rod(length, section, ...).")
+    pivot = getattr(system.motion, "pivot", None)
+    if pivot is not None and checks.fails(lambda s: s != 0, pivot):
+        pivot = None
+    return rod, pivot, not hasattr(system.motion, "pivot")
+
+
+def linear_support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
+    rod, pivot, free = support(system)
+    if not rod.linear:
+        raise ValueError(f"law={rod.law_name}: the exact steady spin is of Hooke's law; leave out law=.")
+    return rod, pivot, free
+
+
+def order_for(rod: Rod, pivot: Any, n: int) -> int:
+    """Nodes for each panel that resolve the first n modes, and the section.
+
+    A wave needs about pi nodes for its length.  Where the rod is not known yet, one panel may hold all the waves.
+    """
+    if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 0:
+        raise ValueError(f"n={n!r} must be a whole number of frequencies, 0 or more.")
+    ends = panel_ends(rod, [] if pivot is None else [pivot])
+    share = 1.0
+    if checks.known(ends):
+        s, ds = rod.quadrature()
+        time = ds * jnp.sqrt(rod.mass_density(s) / rod.modulus(s))
+        if checks.known(time):
+            by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
+            share = float(by_panel.max() / by_panel.sum())
+    needed = 12 + 48 / (ends.size - 1) + 1.7 * n * share
+    return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
+
+
+class Axial(NamedTuple):
+    """F and its nodes; the lever x (m) of its rows, mass-weighted; the tip's displacement (m) for its columns.
+
+    `sides` is F part by part, where a pivot holds two.
+    """
+
+    mesh: Mesh
+    F: Float[Array, "M N"]
+    lever: Float[Array, " M"]
+    tip: Float[Array, " N"]
+    sides: Float[Array, "parts M N"]
+
+
+def axial(rod: Rod, pivot: Any, free: bool, order: int) -> Axial:
+    """The compliance of this rod to axial forces on `order` nodes for each panel, supported as `support` says."""
+    # In flight any point will do to measure from; from the centre of mass nothing large cancels.
+    start = jax.lax.stop_gradient(rod.center_of_mass) if free else pivot
+    grid = mesh(rod, [] if start is None else [start], order)
+    weight, reach = safe_sqrt(grid.mass), grid.reach(start)
+    if free:
+        share = grid.mass / jnp.sum(grid.mass)
+        reach = reach - (share @ reach[: share.size])[None, :]
+        lever = grid.s_mass - share @ grid.s_mass
+    else:
+        lever = grid.s_mass if pivot is None else grid.s_mass - pivot
+    compliance = safe_sqrt(grid.ds / (rod.modulus(grid.s) * rod.area(grid.s)))
+    F = weight[:, None] * reach[: weight.size] * compliance[None, :]
+    if free or pivot is None:
+        sides = F[None]
+    else:
+        far = (grid.s > pivot)[None, :]
+        sides = jnp.stack([jnp.where(far, F, 0.0), jnp.where(far, 0.0, F)])
+    return Axial(grid, F, weight * lever, reach[-1] * compliance, sides)

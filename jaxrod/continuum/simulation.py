@@ -1,0 +1,253 @@
+"""The exact rod in time.
+
+`simulate` is Galerkin's method in the exact rod's own modes, whose frequencies come from its integral equation, and
+shares no code with the strain bases: it reads the rod, how it is held, what is prescribed, and the strain of the start.
+"""
+
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .. import checks
+from ..force import TipForce
+from ..motion import Driven, State
+from .compliance import order_for, support
+from .dynamics import Dynamics
+from .solution import ContinuumSolution, Errors
+from .waves import Waves, waves
+
+_LEAST = 1e-14  # tolerance that double precision still follows
+_STEPS = 10_000_000
+_STABLE = 3.0  # step times the highest frequency, of Dopri8
+
+
+def simulate(
+    system: Any, start: State, *, ts: Float[Array, " T"], t0: Any = 0.0, static: bool = False, modes: int = 64,
+    tolerance: Any = 1e-12, error: bool = True,
+) -> ContinuumSolution:  # fmt: skip
+    """Motion of the exact rod from `start` at time `t0`: director and longitudinal waves u(s, t), fully coupled.
+
+    rho A (y_tt - |d'|^2 y - g . d) = (E A u_s)_s with y = x + u, the distance from the pivot (in flight the centre of mass)
+    along the director d, free at the ends but for the body and the force at the tip; and the change of angular momentum
+    |d'| int rho A y^2 ds by their moments.  Any section, breaks, pivot and strain law; `Rotation`, `Spherical`, `Flight`
+    and `Driven`; of the forces, `TipForce`.
+
+    **Arguments:**
+
+    - `system`: a `System` of a `Rod`.  Of its basis the strain of the start is read, by `system.strain_field`, and nothing else.
+    - `start`: a state, made by `system.state(...)`.
+    - `ts`: increasing times in s (T,).
+    - `static`: start from the strain that the rod has at rest in the spin, the gravity and the tip force of the start,
+      instead of the strain of `start`.  Hooke's law.
+    - `modes`: how many modes of the exact rod carry the displacement.  The step in time goes as their highest period.
+    - `tolerance`: error of a step in natural units (radians, strains).
+    - `error`: run half the modes too, at ten times the tolerance, and give the differences as `solution.error`.
+
+    **Convergence.**  Angle and rate gain three powers of `modes` or more, and so does the tip where the start is sudden (a
+    kink in u_ss), five where it is `static`.  But where the strain itself jumps (release from stretch, a step load at the
+    tip) the tip gains one alone: its error halves as the modes double, 0.2 / modes of the jump, and no number of them gives
+    many digits.  So do all quantities under a tip force that reads `state.strain`, which is there that of the modes.
+    Another strain law than Hooke's steepens waves; once they break there is no motion to converge to.
+
+    **Returns:** a `ContinuumSolution`.
+
+    **Raises:** `ValueError` for a `Lumped` body, float32, forces other than `TipForce`, a start that is not of this
+    system, `static` at or beyond the critical rate, and numbers that make no sense.
+
+    >>> import jax.numpy as jnp, jaxrod
+    >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
+    >>> sol = jaxrod.continuum.simulate(system, system.state(rate=15.0), ts=jnp.array([0.05, 0.1]), modes=16)
+    >>> print(sol.angle.round(7), sol.tip_stretch.round(6), bool(sol.error.angle.max() < 1e-7))
+    [0.7300591 1.4042295] [ 0.013171 -0.001781] True
+    """
+    rod, pivot, _ = support(system)
+    _check(system, start, modes)
+    dtype = checks.float_type(system, start)
+    if dtype != jnp.float64:
+        raise ValueError(
+            f"system and start are {dtype}; the exact rod needs float64: call jaxrod.configure() and build them after it."
+        )
+    tolerance = checks.positive("tolerance", tolerance, "radians and strains")
+    if checks.fails(lambda x: x >= _LEAST, tolerance):
+        raise ValueError(f"tolerance={checks.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
+    if static and not rod.linear:
+        raise ValueError(f"static=True is of Hooke's law; give start its strain, or leave out law={rod.law_name}.")
+    t0 = jnp.asarray(checks.number("t0", t0), dtype)
+    ts = jnp.asarray(checks.number("ts", ts, (max(1, jnp.size(ts)),)), dtype)
+    if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
+        raise ValueError(
+            f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
+        )
+    system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
+    solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order_for(rod, pivot, modes))
+    if static and checks.fails(lambda x: x < 0, beyond):
+        raise ValueError(
+            f"static=True: the start turns at or beyond the critical rate of {float(solution.waves.omega[0]):.6g} rad/s, where "
+            "no strain holds the rod; start it slower, or leave out static=."
+        )
+    return solution
+
+
+def converged(
+    system: Any,
+    start: State,
+    *,
+    ts: Float[Array, " T"],
+    change: float,
+    quantity: Callable[[ContinuumSolution], Array] | None = None,
+    modes: int = 16,
+    most: int = 512,
+    **others: Any,
+) -> ContinuumSolution:
+    """`simulate` with twice the modes again and again, until that changes `quantity` by no more than `change`.
+
+    **Arguments:** `change`, in the unit of `quantity`, a function of the solution (left out: the displacement of the tip
+    in m); `modes` to begin with and the `most` to try; the `others` as in `simulate`.  Not under a transformation.
+
+    **Returns:** the last solution, with `error`.  **Warns**, saying what was reached, if `most` modes are not enough.
+
+    >>> import jax.numpy as jnp, jaxrod
+    >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
+    >>> start, ts = system.state(rate=15.0), jnp.array([0.05, 0.1])
+    >>> sol = jaxrod.continuum.converged(system, start, ts=ts, change=1e-6, modes=4)
+    >>> print(sol.waves.omega.size, bool(sol.error.tip.max() <= 1e-6))
+    8 True
+    """
+    if checks.fails(lambda x: x > 0, checks.number("change", change)):
+        raise ValueError(f"change={change!r} must be positive; give it in the unit of quantity.")
+    if most < 2 * modes:
+        raise ValueError(f"most={most} leaves nothing to compare modes={modes} with; give twice as many or more.")
+    quantity = (lambda solution: solution.tip_stretch) if quantity is None else quantity
+    reached, solution = np.inf, simulate(system, start, ts=ts, modes=modes, **others)
+    while reached > change and 2 * modes <= most:
+        modes, before = 2 * modes, np.asarray(quantity(solution))
+        solution = simulate(system, start, ts=ts, modes=modes, **others)
+        reached = float(np.max(np.abs(np.asarray(quantity(solution)) - before)))
+    if reached <= change:
+        return solution
+    warnings.warn(
+        f"{modes} modes still change the quantity by {reached:.2g}, more than change={change:.2g}; raise most={most}, or "
+        "settle for it: where the strain jumps the error only halves as the modes double.",
+        stacklevel=2,
+    )
+    return solution
+
+
+def _check(system: Any, start: State, modes: int) -> None:
+    if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or modes < 2:
+        raise ValueError(f"modes={modes!r} must be a whole number of modes, 2 or more.")
+    for force in system.forces:
+        if not isinstance(force, TipForce):
+            raise ValueError(
+                f"forces holds {type(force).__name__}(), which the exact rod does not take; leave it out, or give its effect as "
+                "TipForce(...) or Driven(...)."
+            )
+    if len(system.forces) > 1:
+        raise ValueError(f"forces holds {len(system.forces)} of TipForce; give one that is their sum.")
+    if not isinstance(start, State):
+        raise ValueError(f"start={start!r} does not fit; make it by system.state(angle=..., rate=...).")
+    dimension, n, flight = system.motion.dimension, system.basis.n, not hasattr(system.motion, "pivot")
+    if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
+        raise ValueError(
+            f"start has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "
+            f"scene needs ({dimension},) and ({n},){' and a center' if flight else ''}; make it by system.state(...)."
+        )
+
+
+class _Run(NamedTuple):
+    """What is kept of a run; `tip`, the tip's displacement in m."""
+
+    states: State
+    tip: Float[Array, " T"]
+    energy: Float[Array, " T"]
+    angular_momentum: Array
+    loads: Float[Array, "T 3"]
+    steps: Array
+    ended: Array
+
+
+@eqx.filter_jit
+def _run(system, start, t0, ts, static, modes, tolerance, error, order) -> tuple[ContinuumSolution, Array]:
+    rod, pivot, free = support(system)
+    all_waves = waves(rod, pivot, free, modes, order)
+    if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
+        kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
+        runs = jax.lax.map(lambda x: _solve(system, all_waves, start, t0, ts, static, *x), (kept, tolerances))
+        run, coarse = (jax.tree.map(lambda x: x[i], runs) for i in (0, 1))  # noqa: B023
+        errors = _difference(run, coarse)
+    else:
+        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance), None
+    solution = ContinuumSolution(
+        ts, run.states, run.energy, run.angular_momentum, run.loads, errors, run.steps, run.ended, all_waves, system
+    )
+    turning = start.direction_rate @ start.direction_rate
+    if isinstance(system.motion, Driven):
+        turning = system.motion.turning(t0)[1] ** 2
+    return solution, turning - all_waves.omega[0] ** 2
+
+
+def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance) -> _Run:
+    """The run with the first `kept` of these waves."""
+    waves = all_waves.first(kept)
+    gravity = system.gravity
+    if gravity is not None and gravity.ndim == 0:
+        gravity = jnp.zeros(system.motion.dimension, gravity.dtype).at[-1].set(-gravity)
+    force = system.forces[0].force if system.forces else None
+    law = None if system.rod.linear else system.rod.law
+    dynamics = Dynamics(waves, system.motion, gravity, force, law, system.basis.n)
+
+    q = dq = jnp.zeros_like(waves.omega)
+    if static:
+        q = dynamics.static(t0, start)
+    elif system.basis.n:
+        field = jax.vmap(lambda a: system.strain_field(eqx.tree_at(lambda x: x.amplitudes, start, a), waves.panels.s))
+        q, dq = jax.vmap(waves.amplitudes)(field(jnp.stack([start.amplitudes, start.amplitude_rates])))
+
+    pace = dynamics.pace
+    times = (ts - t0) * pace
+    # What is saved is the end of a step, as an interpolation would cost digits.  Steps beyond 3 / omega of the highest mode
+    # are unstable: kept below, none is refused for that.
+    controller = diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=_STABLE * pace / waves.omega[kept - 1])
+    raw = diffrax.diffeqsolve(
+        diffrax.ODETerm(lambda t, y, args: dynamics(t0 + t / pace, y, args)),
+        diffrax.Dopri8(),
+        jnp.zeros_like(t0),
+        times[-1],
+        None,
+        dynamics.encode(t0, start, q, dq),
+        saveat=diffrax.SaveAt(ts=times),
+        stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=times),
+        max_steps=_STEPS,
+        throw=False,
+    )
+    phases: Any = raw.ys
+    states, loads = jax.vmap(dynamics.decode)(ts, phases), jax.vmap(dynamics.loads)(ts, phases)
+    inertia = waves.inertia * jax.vmap(dynamics.inertia)(phases.a)
+    turning = states.rate if states.planar else jnp.cross(states.direction, states.direction_rate)
+    momentum = jax.vmap(jnp.multiply)(inertia, turning)
+    energy = jax.vmap(dynamics.energy)(ts, phases)
+    ended = diffrax.is_okay(raw.result) & jnp.all(jnp.isfinite(energy))
+    tip = states.amplitudes @ waves.tip + loads @ waves.slack
+    return _Run(states, tip, energy, momentum, loads, raw.stats["num_steps"], ended)
+
+
+def _difference(fine: _Run, coarse: _Run) -> Errors:
+    tip = jnp.abs(fine.tip - coarse.tip)
+    one, other = fine.states, coarse.states
+    if one.planar:
+        return Errors(jnp.abs(one.angle - other.angle), jnp.abs(one.rate - other.rate), tip)
+
+    def apart(x, y):
+        return jnp.sqrt(jnp.sum((x - y) ** 2, axis=-1))
+
+    chord, turning = apart(one.direction, other.direction), apart(one.direction_rate, other.direction_rate)
+    return Errors(2 * jnp.arcsin(jnp.minimum(chord / 2, 1.0)), turning, tip)
