@@ -4,6 +4,8 @@ A refusal is one sentence that names the argument, its value and the remedy.  Va
 not known yet and pass: `simulate` answers them with the result code `invalid`.
 """
 
+import functools
+import types
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +20,34 @@ from jaxtyping import Array, Float, Inexact
 def known(value: Any) -> bool:
     """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
     return not isinstance(value, Tracer)
+
+
+def closes_over_traced(value: Any, depth: int = 6) -> bool:
+    """Whether a function inside `value` has a traced number in its closure, where no pytree sees it."""
+    if isinstance(value, Tracer):
+        return True
+    if depth == 0:
+        return False
+    if isinstance(value, list | tuple):
+        inner = value
+    elif isinstance(value, dict):
+        inner = value.values()
+    elif isinstance(value, functools.partial):
+        inner = (value.func, value.args, value.keywords)
+    elif isinstance(value, types.FunctionType):
+        inner = (*(_content(cell) for cell in value.__closure__ or ()), value.__defaults__ or ())
+    elif isinstance(value, eqx.Module):
+        inner = [x for x in vars(value).values() if not isinstance(x, Tracer)]  # its leaves are no secret
+    else:
+        return False
+    return any(closes_over_traced(x, depth - 1) for x in inner)
+
+
+def _content(cell) -> Any:
+    try:
+        return cell.cell_contents
+    except ValueError:  # nothing in it yet
+        return None
 
 
 def fails(condition: Callable[..., Any], *values: Any) -> bool:

@@ -27,7 +27,7 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
 
     It also has XLA compile the time loop of a block of scenes into one function, of kernels with several results and
     with the widest vectors of the machine: without it sweeps take about three times as long.  It adds to what `$XLA_FLAGS`
-    holds.
+    holds, but leaves an `xla_backend_extra_options` of your own alone.
 
     **Raises:** `RuntimeError` if JAX has already computed something: some settings would come too late.
 
@@ -73,7 +73,7 @@ def loops_are_whole() -> bool:
         return jax.lax.fori_loop(0, 3, lambda _, xy: (jnp.sqrt(1 + xy[0] * xy[1]), xy[0] / (1 + xy[1] ** 2)), (x, x))
 
     text = jax.jit(loop).lower(jnp.zeros(1 << 10)).compile().as_text() or ""
-    return "small_call" in text and ") fusion(" in text
+    return "small_call" in text and (") fusion(" in text or _SHARED_KERNELS not in os.environ.get("XLA_FLAGS", ""))
 
 
 def complain_once() -> None:
@@ -90,8 +90,8 @@ def complain_once() -> None:
 
 
 def _flags(given: str) -> str:
-    flags, version = given.split(), tuple(int(x) for x in importlib.metadata.version("jaxlib").split(".")[:2])
-    shared = version != (0, 11)  # where nobody has tried it
+    flags, version = given.split(), tuple(map(int, importlib.metadata.version("jaxlib").split(".")[:2]))
+    shared = version in ((0, 10), (0, 12))  # where it has been tried
     if "xla_backend_extra_options" not in given:
         flags.append(f"--xla_backend_extra_options={_WHOLE_LOOPS}{',' + _SHARED_KERNELS if shared else ''}")
         if version == (0, 10) and "xla_cpu_use_fusion_emitters" not in given:

@@ -63,7 +63,7 @@ def sweep(
         )
     if block < 1 or int(block) != block:
         raise ValueError(f"block={block} must be a positive whole number of scenes.")
-    if not all(map(checks.known, jax.tree.leaves((fn, inputs)))):
+    if checks.closes_over_traced(fn) or not all(map(checks.known, jax.tree.leaves((fn, inputs)))):
         return jax.lax.map(fn, inputs, batch_size=block)
     workers = _workers(devices)
     configuration.complain_once()

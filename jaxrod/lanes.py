@@ -3,7 +3,8 @@
 A small array (N,) mapped over many scenes is laid out (scenes, N): each of its numbers lies strided in memory, and XLA
 cannot keep it in vector registers.  N separate numbers become N contiguous vectors.  `by_number` evaluates a function
 that was written for arrays in that way: it walks the function's jaxpr and turns each operation on arrays into operations
-on their numbers.  Nothing is approximated and every derivative goes through.
+on their numbers.  Nothing is approximated, and every derivative goes through, but rules of `custom_jvp` and `custom_vjp` within
+the function: their bodies are evaluated.
 """
 
 import math

@@ -1,7 +1,7 @@
-"""Equal steps of a symplectic solver from one save time to the next, and their derivative by running them backwards.
+"""Equal steps of a symplectic solver from one save time to the next, and their derivative by undoing them.
 
-A symmetric method undoes its own steps: the step by -h from where a step by h ended leads back to where it began, to
-rounding.  So the reverse derivative needs no stored states: its memory does not grow with the number of steps.
+Each stage of a step can be undone exactly, to rounding: from where it ended back to where it began.  So the reverse
+derivative needs no stored states: its memory does not grow with the number of steps.
 """
 
 import math
@@ -45,7 +45,7 @@ class Route(eqx.Module):
 def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, backwards: bool) -> Walker:
     """The walker at each of `route.ends`, stacked.  A run that stops stays where it was.
 
-    `backwards`: have the reverse derivative run the steps backwards; there is no forward derivative then.
+    `backwards`: have the reverse derivative undo the steps; there is no forward derivative then.
     """
     start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start, jnp.zeros_like(route.start))
     even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts.astype(route.ends.dtype)), 1)
@@ -54,7 +54,7 @@ def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, b
 
     def leg(walker, ends):
         begin, end, count, taken = ends
-        h = jnp.where(count > 0, (end - begin) / jnp.maximum(count, 1), 1.0)
+        h = jnp.where(count > 0, (end - begin) / jnp.maximum(count, 1), 0.0)
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
         walker = go((split, begin, h, walker.y), solver, table, counted, taken)
@@ -154,8 +154,8 @@ def _and_back(arrived: Walker, gradient, perturbed, moving, solver, table, walke
     del walker
     begin, h = moving[1:3]
     asked, rest = eqx.partition(moving[0], jax.tree.map(bool, perturbed[0]))
-    scale = jnp.where(arrived.stopped == 0, 1.0, 0.0)  # a run that stopped has no derivative
-    y_bar = jax.tree.map(lambda x, bar: bar * scale.astype(x.dtype), arrived.y, gradient.y)
+    defined = jnp.where(arrived.stopped == 0, 1.0, jnp.nan)  # a run that stopped has no derivative
+    y_bar = jax.tree.map(lambda x, bar: bar * defined.astype(x.dtype), arrived.y, gradient.y)
 
     def pulled(function, sums, t, k, y, y_bar):
         """`sums` and `y_bar` before `function` of (split, t, h, y), at the step k that begins at t."""

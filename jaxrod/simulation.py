@@ -27,7 +27,7 @@ from .quantity import AbstractQuantity, Measured
 from .result import Result, SimulationError
 from .solution import Solution
 from .stepping import best_solver, step_through
-from .symplectic import AbstractSymplectic
+from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .unrolled import Unrolled
 
@@ -97,7 +97,8 @@ def simulate(
 
     - `system`: a `System`, or any `Lagrangian`.
     - `start`: a state, made by `system.state(...)`; for a `Lagrangian` a pair (q, v).
-    - `ts`: increasing times in s to save at (T,); or `t1`: the end in s, saving it alone.
+    - `ts`: increasing times in s to save at (T,); or `t1`: the end in s, saving it alone (of a run that stops earlier, where
+      it stopped: `sol.ts` says when).
     - `tolerance`: relative error of the tip's position after 1,000 axial periods; 1e-8 in float64 (at least 1e-12),
       1e-4 in float32 (at least 1e-5).
     - `chart`: the coordinates to compute in, `Angles()`, `Embedded()` or `Director()`; see `default_chart`.
@@ -166,11 +167,17 @@ def simulate(
     # Equal steps from save time to save time need nothing of Diffrax; what does goes through Diffrax.
     plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
     plain = plain and (adjoint is None or isinstance(adjoint, Reversible | diffrax.ForwardMode))
+    # A number that hides in a closure has no reverse derivative through steps that are undone.
+    hidden = isinstance(system, System) and checks.closes_over_traced((system.forces, system.motion))
+    hidden = hidden and not isinstance(adjoint, diffrax.ForwardMode)
+    plain = plain and not hidden
     best, why = (
         best_solver(system) if isinstance(system, System) else (diffrax.Dopri8(), "adaptive, for any Lagrangian")
     )
     if solver is None and not (plain and chart is None):
         best, why = diffrax.Dopri8(), "adaptive, as a chart, steps, saveat, event, adjoint or meter was given"
+        if hidden:
+            why = "adaptive, as a function of the scene closes over a traced number; hold it in an eqx.Module"
     chosen, why = (best, why) if solver is None else (solver, "as given")
     _check_steps(chosen, stepsize_controller, dt0, n_steps, plain)
     if isinstance(chosen, AbstractSymplectic):
@@ -319,8 +326,8 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None
             raise ValueError(f"n_steps={n_steps} must be a positive whole number.")
         if dt0 is not None or stepsize_controller is not None:
             raise ValueError(f"n_steps={n_steps} fixes the steps; leave out dt0= and stepsize_controller=.")
-    elif isinstance(solver, AbstractSymplectic) and plain:
-        return  # it counts its steps by the tolerance
+    elif isinstance(solver, BlanesMoan6 | ABA864) and plain:
+        return  # steps are counted by the tolerance
     elif dt0 is None and stepsize_controller is None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
         raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
 

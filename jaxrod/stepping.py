@@ -21,6 +21,8 @@ _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured:
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
 _PRESSED = -2 / 3  # strain below which the default's steps are not trusted: benchmarks/random_extremes.py
+_LOOKS = 65  # times at which a prescribed rate is looked at
+_UNRESOLVED = 1e3  # difference from half the steps, in tolerances, above which loads were not resolved
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 2  # energy lost, in tolerances, above which steps were too long
 
@@ -38,12 +40,12 @@ def best_solver(system: System) -> tuple[diffrax.AbstractSolver, str]:
     return ABA864(), "symplectic for small kicks, axial vibration and turning exact"
 
 
-def step_size(system: System, start: State, solver: AbstractSymplectic, tolerance, duration) -> Float[Array, ""]:
+def step_size(system: System, start: State, solver: AbstractSymplectic, tolerance, t0, t1) -> Float[Array, ""]:
     """Step in s with which the tip's relative error after 1,000 axial periods is about `tolerance`."""
-    body = system.body
+    body, duration = system.body, t1 - t0
     turning = start.direction_rate @ start.direction_rate
     if isinstance(system.motion, Driven):
-        turning = system.motion.turning(0.0)[1] ** 2
+        turning = jnp.max(jax.vmap(system.motion.turning)(jnp.linspace(t0, t1, _LOOKS))[1] ** 2)
     if system.gravity is not None and not isinstance(system.motion, Flight):
         weight = jnp.sqrt(jnp.sum(system.gravity**2))
         turning = turning + 4 * jnp.abs(weight * body.first_moments[0]) / body.mass_matrix[0, 0]
@@ -101,10 +103,21 @@ def step_through(
     code = Result.where((code == Result.ok) & (lost > open_energy), Result.coarse, code)
     if n_steps is None:  # steps counted from the start do not see how fast the rod turns when pressed together later
         code = Result.where((code == Result.ok) & (last.lowest < _PRESSED), Result.coarse, code)
-    states = jax.tree.map(lambda x: jnp.where(reached.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
+    if n_steps is None and (system.forces or isinstance(system.motion, Driven)):
+        # No energy is kept by which to see steps that are too long for the loads: half as many are taken too.
+        half = Route(t0, ts, (counts + 1) // 2, (taken + 1) // 2, even)
+        twice = march(solver, split, split.encode(start), start.turns, half, backwards)
+        there = split.decode(ts[-1], *jax.tree.map(lambda x: x[-1], (twice.y, twice.turns)))
+        tips = system.tip(jax.tree.map(lambda x: x[-1], states)) - system.tip(there)
+        off = jax.lax.stop_gradient(jnp.max(jnp.abs(tips))) / system.rod.length
+        resolved = (off <= _UNRESOLVED * tolerance) | (last.stopped != 0)
+        code = Result.where((code == Result.ok) & ~resolved, Result.coarse, code)
+    # By a product: what was not reached has no derivative, and zero would be taken for one.
+    known = jnp.where(reached, 1.0, jnp.nan).astype(t0.dtype)
+    states = jax.tree.map(lambda x: x * known.reshape((-1,) + (1,) * (x.ndim - 1)), states)
     steps = jnp.sum(taken)
     return Solution(
-        ts=jnp.where(reached, last.t, jnp.nan) if end_only else given_ts,
+        ts=jnp.where(reached, jnp.where(last.stopped == 0, given_ts, last.t), jnp.nan) if end_only else given_ts,
         states=states,
         result=Result.where(valid, code, Result.invalid),
         stats={
@@ -126,7 +139,7 @@ def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Arra
     """Steps to each save time."""
     legs = jnp.diff(ts, prepend=t0)
     duration = ts[-1] - t0
-    size = step_size(system, start, solver, tolerance, duration) if n_steps is None else duration / n_steps
+    size = step_size(system, start, solver, tolerance, t0, ts[-1]) if n_steps is None else duration / n_steps
     counts = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
     if even:  # one size for all
         counts = jnp.where(legs > 0, jnp.max(counts), 0.0)

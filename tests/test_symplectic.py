@@ -262,3 +262,54 @@ def test_unrolled_refuses(cone):
         jaxrod.simulate(system, system.state(), t1=0.1, solver=jaxrod.Unrolled(), n_steps=9)
     with pytest.raises(ValueError, match="is no explicit Runge-Kutta method"):
         jaxrod.Unrolled(diffrax.Kvaerno5())
+
+
+@pytest.mark.parametrize(
+    "forces",
+    [
+        [jaxrod.Torque(lambda t, state: 10 * jnp.sin(300 * t))],
+        [jaxrod.TipForce(lambda t, state: 300 * jnp.sin(4000 * t) * state.direction)],
+    ],
+    ids=["torque", "tip force"],
+)
+def test_fast_loads_are_resolved(cone, forces):
+    """Loads faster than anything that the steps are counted by: seen by half the steps, and taken by others."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81, forces=forces)
+    start = system.state(rate=3.0)
+    sol = jaxrod.simulate(system, start, t1=0.3)
+    fine = jaxrod.simulate(system, start, t1=0.3, n_steps=20000)
+    assert jnp.max(jnp.abs(sol.tip - fine.tip)) < 1e-8
+
+
+def test_numbers_in_closures(cone):
+    """A load or a motion that closes over a traced number has derivatives, and maps."""
+
+    def tip(p):
+        system = jaxrod.System(cone, jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: p * 50 * t)])
+        return jaxrod.simulate(system, system.state(), t1=0.1).angle[-1]
+
+    slope = (tip(1.001) - tip(0.999)) / 0.002
+    np.testing.assert_allclose(jax.grad(tip)(1.0), slope, rtol=1e-5)
+    np.testing.assert_allclose(jax.vmap(tip)(jnp.array([0.999, 1.001])), [tip(0.999), tip(1.001)], atol=1e-10)
+
+    def swept(p):
+        return jaxrod.sweep(lambda rate: jnp.sin(p * rate), jnp.array([1.0, 2.0])).sum()
+
+    np.testing.assert_allclose(jax.grad(swept)(0.5), jnp.cos(0.5) + 2 * jnp.cos(1.0))
+
+
+def test_what_failed_has_no_derivative(cone):
+    """Not zero, which would pass for one."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), gravity=None)
+
+    def strain(rate):
+        return jaxrod.simulate(system, system.state(strain_rate=rate), t1=0.05, throw=False).strain[-1]
+
+    slopes = jax.vmap(jax.grad(strain))(jnp.array([-1.0, -200.0]))
+    assert jnp.isfinite(slopes[0]) and jnp.isnan(slopes[1])
+
+
+def test_solvers_whose_steps_nobody_counts(cone):
+    system = _system(cone)
+    with pytest.raises(ValueError, match="n_steps="):
+        jaxrod.simulate(system, system.state(), t1=0.1, solver=jaxrod.StormerVerlet())
