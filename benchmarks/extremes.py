@@ -176,7 +176,7 @@ def poles():
 
 def upright():
     system = system_of()
-    rod = system.rod
+    rod: Any = system.rod
     inertia, moment, stiffness_ = float(rod.moment_of_inertia()), float(rod.first_moment()), float(rod.stiffness)
     sag = GRAVITY * moment / stiffness_
     growth = np.sqrt(GRAVITY * moment / inertia / (1 - sag))

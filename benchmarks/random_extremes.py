@@ -112,7 +112,7 @@ def scene(kind: Kind, p: dict) -> tuple[jaxrod.System, jaxrod.State, jax.Array]:
     if kind.motion == "Driven":
         moving = jaxrod.Driven(jax.tree_util.Partial(_steadily, spin))
     system = jaxrod.System(rod, moving, jaxrod.Ritz(kind.n), gravity)
-    numbers = {} if kind.motion == "Driven" else {"angle": _single(p["angle"]), "rate": spin}
+    numbers: dict[str, Any] = {} if kind.motion == "Driven" else {"angle": _single(p["angle"]), "rate": spin}
     if kind.n:
         numbers |= {"strain": _single(p["strain"]), "strain_rate": _single(p["strain_rate"] * rate)}
     if kind.motion == "Spherical":
@@ -167,13 +167,14 @@ def yardstick(kind: Kind, p: dict) -> tuple[dict, dict]:
 def growth(kind: Kind, p: dict, known: dict) -> jax.Array:
     """How much further apart two runs get than they were set."""
     system, start, ts = scene(kind, p)
+    of: Any = system
     # What rounding does everywhere, done once: the start moved, and gravity and modulus with it.
     shifted = start
     for part in ("direction", "amplitudes", "amplitude_rates", "direction_rate"):
         unit = ts[-1] / p["periods"] / (2 * jnp.pi) if "rate" in part else 1.0
         shifted = _moved(shifted, part, SHIFT / unit)
-    rod = dataclasses.replace(system.rod, young=system.rod.young * (1 + SHIFT))
-    other = dataclasses.replace(system, rod=rod, gravity=system.gravity * (1 - SHIFT))
+    rod = dataclasses.replace(of.rod, young=of.rod.young * (1 + SHIFT))
+    other = dataclasses.replace(system, rod=rod, gravity=of.gravity * (1 - SHIFT))
     shifted = jaxrod.simulate(other, shifted, ts=ts, n_steps=jnp.maximum(known["steps"], 1), max_steps=LONGEST)
     return jnp.max(jnp.linalg.norm(_place(shifted) - known["place"], axis=-1)) / known["size"] / SHIFT
 

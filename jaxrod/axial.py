@@ -269,7 +269,8 @@ class Prescribed(AbstractOscillating):
     def longest_step(self, scheme, ts):
         # Exact oscillators are always stable, but gravity and a drive that turn further in a step are not seen.
         del scheme
-        fastest = jnp.max(jnp.abs(jax.vmap(lambda t: self.scene.motion.turning(t)[1])(ts)))
+        motion: Any = self.scene.motion
+        fastest = jnp.max(jnp.abs(jax.vmap(lambda t: motion.turning(t)[1])(ts)))
         return jnp.minimum(math.pi / self.modes.rates[0], LONGEST_TURN / jnp.maximum(fastest, 1e-30))
 
     def _drift(self, circle, t, y: Split):

@@ -55,7 +55,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
     >>> system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
     >>> start = system.state(angle=-1.5708, strain=0.3333, rate=2.7, strain_rate=-4.8)
     >>> print(jaxrod.horizon(system, start, t1=60.0, tolerance=1e-6).time.round(0))
-    26.0
+    36.0
     """
     number = {"t1": t1, "tolerance": tolerance, "distance": distance}
     t1, tolerance, distance = (checks.positive(name, x, "s" if name == "t1" else "1") for name, x in number.items())
