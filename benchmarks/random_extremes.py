@@ -9,9 +9,9 @@ the same scene.
 
 A scene is *silently wrong* if it ends ok and yet its tip is off by more than the promise of `tolerance` (1e-8 of the largest
 distance from the pivot; float32 1e-4, and 6e-7 for each radian turned), or its energy or angular momentum by more than ten
-times that.  Where two runs apart by the rounding of their steps (1e-14, float32 1.2e-7, times the root of their number;
-measured on a run whose start, gravity and modulus are moved) differ by more than the promise no solver can keep it: the
-scene is *beyond its horizon*, and counted apart.  Writes the part "random" of docs/extremes.md.
+times that.  Where two runs apart by 1e-12, in float32 by the rounding of their steps (1.2e-7 times the root of their number),
+differ by more than the promise no solver can keep it: the
+scene is *beyond its horizon*, and counted apart; it is measured on a run whose start, gravity and modulus are moved.  Writes the part "random" of docs/extremes.md.
 """
 
 import argparse
@@ -34,7 +34,8 @@ from jaxrod import Result  # noqa: E402
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
 DENSITY = 1000.0
 PROMISE = {"float64": 1e-8, "float32": 1e-4}
-APART = {"float64": 1e-14, "float32": 1.2e-7}  # what the rounding of a step sets two runs apart
+ROUNDING = {"float64": 2.2e-16, "float32": 1.2e-7}  # of a step
+APART = 1e-12  # of two starts, the distance that `jaxrod.horizon` takes
 EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}
 LONGEST = 2**14  # steps
 SHIFT = 1e-9  # of the start, to see how distances grow
@@ -230,7 +231,7 @@ def verdict(name: str, found: dict) -> dict[str, np.ndarray]:
     found = {key: x if isinstance(x, Result) else np.asarray(x, float) for key, x in found.items()}
     ok = np.asarray(found["result"] == Result.ok)
     promise = PROMISE[name] + EACH_RADIAN[name] * found["turned"]
-    apart = APART[name] * np.sqrt(np.maximum(found["steps"], 1))  # each step rounds anew
+    apart = np.maximum(ROUNDING[name] * np.sqrt(np.maximum(found["steps"], 1)), APART)  # each step rounds anew
     beyond = ok & ~(found["growth"] * apart <= promise)
     off = ~(found["error"] <= promise)
     wrong = ok & ((off & ~beyond) | ~(found["kept"] <= 10 * promise))

@@ -54,10 +54,11 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
     axial = turning if system.basis.n == 0 else eigenvalues(body)[0]
     if isinstance(solver, ABA864) and system.basis.n:
         kicks = turning / axial
-        phase = jnp.minimum(_FINEST_SMALL_KICKS * finer * kicks ** (-1 / 6), 1.0)
         # Large strains make the kicks large too.  By how much is measured: benchmarks/random_extremes.py.
         strain = jnp.sum(jnp.abs(start.amplitudes)) + jnp.sum(jnp.abs(start.amplitude_rates)) / jnp.sqrt(axial) + kicks
-        phase = phase / (1 + 8 * jnp.minimum(jax.lax.stop_gradient(strain), 1.0))
+        strain = jnp.minimum(jax.lax.stop_gradient(strain), 1.0)
+        finer_there = jnp.where(finer > 1, finer ** (1 - strain), finer)  # a loose tolerance gains less there
+        phase = jnp.minimum(_FINEST_SMALL_KICKS * finer_there * kicks ** (-1 / 6), 1.0) / (1 + 8 * strain)
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = turning if system.basis.n == 0 else turning + axial
