@@ -251,7 +251,7 @@ def long_steps():
 def measured(run: Run, dtype: str) -> list[str]:
     """A row of the table."""
     floats = jnp.dtype(dtype)
-    rounded = jax.tree.map(lambda x: x.astype(jnp.float32).astype(floats), (run.system, run.start))
+    rounded = jax.tree.map(lambda x: x.astype(floats), (run.system, run.start))
     end = float(np.float32(run.periods * 2 * np.pi / axial_rate(run.system)))
     ts = jnp.asarray(np.float32(PARTS * end), floats)
     try:
@@ -287,7 +287,7 @@ def code(result) -> str:
 
 def against_half(run: Run, sol) -> float:
     """Largest distance of the tip from that of a run in float64 of half the step, over the largest from the pivot."""
-    system, start = jax.tree.map(lambda x: x.astype(jnp.float32).astype(jnp.float64), (run.system, run.start))
+    system, start = jax.tree.map(lambda x: x.astype(sol.ts.dtype).astype(jnp.float64), (run.system, run.start))
     options = {key: value for key, value in run.options.items() if key != "n_steps"}
     ts = sol.ts.astype(jnp.float64)
     if sol.ts.dtype == jnp.float64 and "adaptive" not in sol.stats["why"]:
