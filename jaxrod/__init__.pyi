@@ -5,6 +5,7 @@ from . import ladder as ladder
 from . import law as law
 from . import paper as paper
 from . import plot as plot
+from . import scenes as scenes
 from .basis import ForceRitz as ForceRitz
 from .basis import QuasiStatic as QuasiStatic
 from .basis import Ritz as Ritz
@@ -68,6 +69,8 @@ from .symplectic import BlanesMoan4 as BlanesMoan4
 from .symplectic import BlanesMoan6 as BlanesMoan6
 from .symplectic import StormerVerlet as StormerVerlet
 from .system import System as System
+from .tradeoff import Tradeoff as Tradeoff
+from .tradeoff import tradeoff as tradeoff
 from .unrolled import Unrolled as Unrolled
 
 __version__: str

@@ -25,10 +25,35 @@ def main(argv: Sequence[str] | None = None) -> int:
     paper.add_argument(
         "--out", type=pathlib.Path, default=pathlib.Path("paper"), help="folder to write (default: paper)"
     )
+    trade = commands.add_parser(
+        "tradeoff",
+        help="measure what accuracy costs on a scene",
+        description="Runs a named scene with rigid, quasi-static and elastic rungs, several solvers, steps and float types; "
+        "prints those that no other beats, with their error and cost on this machine, and saves all of them as a picture.",
+    )
+    trade.add_argument("scene", choices=list(jaxrod.scenes.NAMED), metavar="scene", help=", ".join(jaxrod.scenes.NAMED))
+    trade.add_argument("--seconds", type=float, default=60.0, help="stop after so much time (default: 60)")
+    trade.add_argument("--out", type=pathlib.Path, default=pathlib.Path("tradeoff"), help="folder (default: tradeoff)")
     arguments = parser.parse_args(argv)
     if arguments.out.exists() and not arguments.out.is_dir():
         parser.error(f"--out {arguments.out} is a file; give a folder")
     print(jaxrod.configure(), file=sys.stderr)
+    return {"paper": _paper, "tradeoff": _tradeoff}[arguments.command](arguments)
+
+
+def _paper(arguments) -> int:
     print(jaxrod.claims.report(arguments.out))
     print(f"\nsaved to {arguments.out}: {', '.join(sorted(path.name for path in arguments.out.iterdir()))}")
+    return 0
+
+
+def _tradeoff(arguments) -> int:
+    scene = jaxrod.scenes.NAMED[arguments.scene]()
+    found = jaxrod.tradeoff(
+        scene.system, scene.start, t1=scene.t1, quantity=scene.quantity, static=scene.static, seconds=arguments.seconds
+    )
+    arguments.out.mkdir(parents=True, exist_ok=True)
+    picture = arguments.out / f"{arguments.scene}.png"
+    jaxrod.plot.tradeoff(found, scene.title).savefig(picture, dpi=130)
+    print(f"{scene.title}\n{found}\nsaved to {picture}")
     return 0

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 
 from . import continuum
 from .basis import AbstractBasis
-from .motion import State
+from .motion import Flight, State
 from .rod import Lumped
 from .system import System
 
@@ -36,3 +36,16 @@ def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     here, there = (x.strains(rod, panels.s, pivot, free) for x in (system.basis, basis))
     weighted = there * rigidity[None, :]
     return [jnp.linalg.solve(weighted @ there.T, weighted @ (a @ here)) for a in amplitudes]
+
+
+def at_rest(system: System, start: State) -> State:
+    """The start with the strain that its spin and gravity would hold still, of Hooke's law."""
+    if system.basis.n == 0:
+        return start
+    body, square = system.body, start.direction_rate @ start.direction_rate
+    pull = square * body.mass_matrix[1:, 0]
+    if system.gravity is not None and not isinstance(system.motion, Flight):
+        along = -system.gravity * start.direction[-1] if system.gravity.ndim == 0 else system.gravity @ start.direction
+        pull = pull + along * body.first_moments[1:]
+    amplitudes = jnp.linalg.solve(body.stiffness_matrix - square * body.strain_mass, pull)
+    return dataclasses.replace(start, amplitudes=amplitudes, amplitude_rates=jnp.zeros_like(amplitudes))

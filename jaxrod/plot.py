@@ -4,9 +4,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.figure import Figure
 
 from .solution import Solution
+from .tradeoff import Tradeoff
 
 _BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"
 
@@ -60,4 +62,28 @@ def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) 
         axis.grid(alpha=0.25)
     axes[0].set_ylabel("tip displacement / initial")
     axes[0].legend(loc="lower right", fontsize=8)
+    return figure
+
+
+def tradeoff(found: Tradeoff, title: str = "") -> Figure:
+    """Error against cost of every way that was measured, a colour for each rung; pale what another beats in both."""
+    figure = Figure(figsize=(7.6, 4.6), layout="constrained")
+    axis = figure.subplots()
+    front, rungs = set(found.front), list(dict.fromkeys(row.rung for row in found.rows))
+    for k, rung in enumerate(rungs):
+        color = colormaps["tab10"](k % 10)
+        for pale in (True, False):
+            rows = [row for row in found.rows if row.rung == rung and (row not in front) == pale and row.error > 0]
+            axis.scatter(
+                [row.cost for row in rows], [row.error for row in rows], color=color, s=14 if pale else 46,
+                alpha=0.25 if pale else 1.0, label=None if pale else rung, zorder=2 if pale else 3,
+            )  # fmt: skip
+    steps = [row for row in found.front if row.error > 0]
+    axis.plot([row.cost for row in steps], [row.error for row in steps], color=_GREY, linewidth=0.8, zorder=1)
+    if found.own_error > 0:
+        axis.axhline(found.own_error, color=_GREY, linestyle=":", linewidth=1.0)
+    axis.set(xscale="log", yscale="log", xlabel="computing time, s for each simulated second", title=title)
+    axis.set_ylabel(f"error of the {found.quantity}, {found.unit}".rstrip(", "))
+    axis.grid(alpha=0.25)
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, title="best with")
     return figure

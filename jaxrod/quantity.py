@@ -24,6 +24,11 @@ class AbstractQuantity(eqx.Module):
     def __call__(self, solution: Any) -> Float[Array, "*numbers"]:
         """Of a `Solution`, or of anything else with its angle, tip, strain."""
 
+    def times(self, t0: float, t1: float) -> Float[Array, " T"]:
+        """When a run must be saved for it: at the end."""
+        del t0
+        return jnp.array([t1])
+
     def span(self, system: System) -> Float[Array, ""]:
         """The largest difference that two answers can have; inf where there is none."""
         del system
@@ -56,6 +61,9 @@ class LargestStrain(AbstractQuantity):
 
     def __call__(self, solution):
         return jnp.max(jnp.abs(solution.strain), axis=-1)
+
+    def times(self, t0, t1):
+        return jnp.linspace(t0, t1, 201)[1:]
 
 
 class FinalAngle(AbstractQuantity):

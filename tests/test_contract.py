@@ -24,21 +24,30 @@ from jaxrod import Result
 NAMES = [
     "ABA864",
     "AbstractForce",
+    "AbstractQuantity",
     "Angles",
     "BlanesMoan4",
     "BlanesMoan6",
+    "Budget",
     "Cone",
     "Director",
     "Driven",
     "Embedded",
+    "FinalAngle",
+    "FinalTip",
+    "FirstFrequency",
     "Fit",
     "Flight",
     "ForceRitz",
+    "Horizon",
     "KelvinVoigt",
     "Lagrangian",
+    "LargestStrain",
+    "Ledger",
     "LoadRitz",
     "Local",
     "Lumped",
+    "Measured",
     "ModelLimits",
     "Modes",
     "PivotFriction",
@@ -62,6 +71,7 @@ NAMES = [
     "Table",
     "TipForce",
     "Torque",
+    "Tradeoff",
     "Uniform",
     "Unrolled",
     "claims",
@@ -74,14 +84,18 @@ NAMES = [
     "equilibrium",
     "fit",
     "frequency_error",
+    "horizon",
+    "ladder",
     "law",
     "model_limits",
     "modes",
     "natural_frequencies",
     "paper",
     "plot",
+    "scenes",
     "simulate",
     "sweep",
+    "tradeoff",
 ]
 
 
@@ -265,7 +279,7 @@ def test_shapes(name):
     if D == 3:
         assert sol.azimuth.shape == sol.azimuth_rate.shape == (T,)
     assert sol.ok and sol.result == Result.ok and Result[sol.result] == "the run reached its end"
-    assert set(sol.stats) == {"num_steps", "num_accepted_steps", "num_rejected_steps", "t_end", "why"}
+    assert set(sol.stats) == {"num_steps", "num_accepted_steps", "num_rejected_steps", "t_end", "step", "why"}
     assert sol.stats["num_steps"] == sol.stats["num_accepted_steps"] + sol.stats["num_rejected_steps"] > 0
     assert sol.stats["t_end"] == DURATION
     np.testing.assert_allclose(sol.tip, sol.shape(jnp.array([1.0]))[:, 0], rtol=1e-14)

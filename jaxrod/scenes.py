@@ -1,0 +1,86 @@
+"""Scenes with lessons about speed and accuracy."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jax.tree_util import Partial
+
+from .basis import Ritz
+from .force import TipForce
+from .motion import Driven, Rotation, Spherical, State
+from .paper import corrected
+from .quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
+from .rod import Rod
+from .section import Cone, Uniform
+from .system import System
+
+
+class Scene(NamedTuple):
+    """A system, its start, when it ends (s), what is asked, and whether the rod starts at rest in its spin."""
+
+    title: str
+    system: System
+    start: State
+    t1: float
+    quantity: AbstractQuantity
+    static: bool = False
+
+
+def cone_started_suddenly() -> Scene:
+    """The paper's rubber cone, unstretched when it is set spinning."""
+    system = corrected()
+    return Scene("the paper's cone, started suddenly", system, system.state(rate=15.0), 2.0, FinalAngle())
+
+
+def cone_started_steadily() -> Scene:
+    """The same, already stretched by its spin."""
+    return cone_started_suddenly()._replace(title="the paper's cone, started steadily", static=True)
+
+
+def steel_link() -> Scene:
+    """A steel link let go from the horizontal."""
+    rod = Rod(1.0, Uniform(0.01), young=2e11, density=7800.0)
+    system = System(rod, Rotation(), Ritz(1), gravity=9.81)
+    return Scene("a steel link swinging", system, system.state(), 1.0, FinalTip(), static=True)
+
+
+def rotor_near_critical() -> Scene:
+    """A rubber rotor driven at nine tenths of the spin at which it would give way."""
+    rod = Rod(1.0, Uniform(0.025), young=1e7, density=1200.0)
+    rate = 0.9 * jnp.pi / 2 * jnp.sqrt(rod.young / 1200.0)
+    system = System(rod, Driven(Partial(_turned, rate)), Ritz(1))
+    return Scene("a rotor near the critical spin", system, system.state(), 0.5, LargestStrain())
+
+
+def tether() -> Scene:
+    """A light tether with ten times its mass at the tip."""
+    rod = Rod(10.0, Uniform(0.005), young=5e9, density=1000.0, tip_mass=7.85)
+    system = System(rod, Rotation(), Ritz(1), gravity=9.81)
+    return Scene("a tether with tip mass", system, system.state(rate=0.5), 2.0, FinalTip())
+
+
+def impact() -> Scene:
+    """A hanging rod struck at the tip: a force that comes at once and stays."""
+    rod = Rod(1.0, Uniform(0.025), young=1e7, density=1200.0)
+    system = System(rod, Rotation(), Ritz(1), forces=[TipForce(200.0)])
+    return Scene("impact at the tip", system, system.state(angle=-jnp.pi / 2), 0.05, LargestStrain())
+
+
+def past_the_pole() -> Scene:
+    """A swing in space that passes just beside the vertical."""
+    rod = Rod(1.0, Cone(0.02, 0.03), young=1e7, density=1200.0)
+    system = System(rod, Spherical(), Ritz(1), gravity=9.81)
+    start = system.state(angle=-1.4, rate=9.0, azimuth_rate=0.05)
+    return Scene("a spherical swing past the pole", system, start, 1.0, FinalTip())
+
+
+def _turned(rate, t):
+    return rate * t
+
+
+NAMED = {
+    scene.__name__.replace("_", "-"): scene
+    for scene in (
+        cone_started_suddenly, cone_started_steadily, steel_link, rotor_near_critical, tether, impact, past_the_pole,
+    )
+}  # fmt: skip

@@ -1,0 +1,237 @@
+"""Speed for accuracy, measured on the scene at hand: rungs, solvers, steps and float types, each with its error and cost."""
+
+import time
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from tqdm import tqdm
+
+from . import continuum
+from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from .ladder import at_rest, on_rung
+from .load_basis import LoadRitz
+from .motion import State
+from .quantity import AbstractQuantity, FinalTip, Measured
+from .rod import Lumped
+from .simulation import default_solver, simulate
+from .symplectic import AbstractSymplectic, StormerVerlet
+from .system import System
+
+RUNGS: tuple[AbstractBasis, ...] = (
+    Ritz(0), QuasiStatic(LoadRitz(2)), Ritz(1), ForceRitz(1), LoadRitz(2), Ritz(3), LoadRitz(4), LoadRitz(6),
+)  # fmt: skip
+_FRACTIONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)  # of the steps of the default
+_TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)  # of a step, of the adaptive solver
+_BEST = LoadRitz(9)  # in place of the exact rod where that would take too long
+_MOST_STEPS = 1e5  # of the exact rod
+_MODES = 64
+_REPEATS = 3
+
+
+class Row(NamedTuple):
+    """One way to run the scene: its `error` in the quantity's unit (the largest of its numbers), and `cost`, computing time
+    in s for each simulated second, compilation apart."""
+
+    rung: str
+    solver: str
+    dtype: str
+    steps: int
+    error: float
+    cost: float
+
+
+class Tradeoff(NamedTuple):
+    """What was measured; it prints the rows that no other beats in both error and cost.
+
+    `rows`, all of them, the cheapest first; `quantity`, its name and unit; `reference`, what the errors are measured from, and
+    `own_error`, how far that is from a poorer one of its kind: errors near it mean nothing; `left`, ways there was no time for.
+    """
+
+    rows: list[Row]
+    quantity: str
+    unit: str
+    reference: str
+    own_error: float
+    left: int
+
+    @property
+    def front(self) -> list[Row]:
+        """The rows that no other beats: the cheapest first, each better than all before it."""
+        best, found = np.inf, []
+        for row in self.rows:
+            if row.error < best:
+                found.append(row)
+                best = row.error
+        return found
+
+    def __str__(self):
+        lines = [f"{'rung':>24} {'solver':>14} {'type':>8} {'steps':>7} {'error, ' + self.unit:>12} {'s per s':>9}"]
+        for row in self.front:
+            lines.append(
+                f"{row.rung:>24} {row.solver:>14} {row.dtype:>8} {row.steps:>7} {row.error:>12.1e} {row.cost:>9.2g}"
+            )
+        lines.append(
+            f"{self.quantity} against {self.reference}, itself good to {self.own_error:.0e}; {len(self.rows)} runs"
+        )
+        return "\n".join(lines + ([f"no time for {self.left} more ways"] if self.left else []))
+
+
+class _Way(NamedTuple):
+    basis: AbstractBasis
+    solver: Any
+    dtype: str
+
+
+def tradeoff(
+    system: System,
+    start: State,
+    *,
+    t1: float,
+    quantity: Any = None,
+    t0: float = 0.0,
+    static: bool = False,
+    seconds: float = 60.0,
+    progress: bool | None = None,
+) -> Tradeoff:
+    """Runs the scene in many ways and measures what each digit costs, here and now.
+
+    **Arguments:**
+
+    - `system`, `start`: the scene; of its basis only the start's strain is read, as other rungs take the nearest one.
+    - `t0`, `t1`: when it begins and ends, in s.
+    - `quantity`: what is asked, such as `jaxrod.FinalTip()` (the default), or a function of a solution.
+    - `static`: start the rod stretched as it is at rest in its spin and gravity, on each rung by that rung's own strain.
+    - `seconds`: stop after so much time, however many ways are left; one way takes some seconds to compile.
+    - `progress`: a bar; on a terminal if left out.
+
+    **Returns:** a `Tradeoff`; `jaxrod.plot.tradeoff` draws it.
+
+    **Raises:** `ValueError` if `seconds` is not positive, or the scene's rod is a `Lumped` body, which has one rung.
+
+    Errors are measured from the exact rod in motion (`continuum.simulate`) where it takes that scene in good time, else from
+    nine load-dependent shapes; `reference` says which.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    >>> found = jaxrod.tradeoff(system, system.state(rate=15.0), t1=0.1, seconds=1.0, progress=False)
+    >>> print(found.reference, len(found.front) > 0)
+    the exact rod True
+    """
+    if not seconds > 0:
+        raise ValueError(f"seconds={seconds} is no time to measure in; give a positive number of seconds.")
+    if isinstance(system.rod, Lumped):
+        raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
+    quantity = FinalTip() if quantity is None else quantity
+    quantity = quantity if isinstance(quantity, AbstractQuantity) else Measured(quantity)
+    ts = quantity.times(t0, t1)
+    true, own_error, reference = _reference(system, start, quantity, t0, ts, static)
+    ways = list(_ways(system))
+    rows, begun, done = [], time.perf_counter(), 0
+    for way in tqdm(ways, unit=" ways", disable=None if progress is None else not progress):
+        if rows and time.perf_counter() - begun > seconds:
+            break
+        rows += _measured(way, system, start, quantity, t0, ts, static, true)
+        done += 1
+    rows = sorted((row for row in rows if np.isfinite(row.error)), key=lambda row: row.cost)
+    return Tradeoff(rows, quantity.name, quantity.unit, reference, own_error, len(ways) - done)
+
+
+def _ways(system: System) -> Iterator[_Way]:
+    """The likeliest first."""
+    for basis in RUNGS:
+        yield _Way(basis, None, "float64")
+    for basis in RUNGS:
+        if not isinstance(basis, QuasiStatic):
+            yield _Way(basis, diffrax.Dopri8(), "float64")
+    for basis in RUNGS:
+        if not isinstance(basis, QuasiStatic) and not system.unsplit:
+            yield _Way(basis, StormerVerlet(), "float64")
+    for basis in RUNGS:
+        if not isinstance(basis, QuasiStatic):
+            yield _Way(basis, None, "float32")
+
+
+def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) -> list[Row]:
+    """One way, with several steps: one compiled program."""
+    scene, begin = _settled(*on_rung(system, start, way.basis), static)
+    solver = default_solver(scene) if way.solver is None else way.solver
+    scene, begin, ts_ = jax.tree.map(
+        lambda x: x.astype(way.dtype) if eqx.is_inexact_array(x) else x, (scene, begin, ts)
+    )
+    if isinstance(solver, AbstractSymplectic):
+        plain = simulate(scene, begin, t0=t0, ts=ts_, throw=False)
+        settings = sorted({max(ts.size, int(plain.stats["num_steps"] * x)) for x in _FRACTIONS})
+    else:
+        settings = _TOLERANCES
+
+    @eqx.filter_jit
+    def run(scene, begin, setting):
+        if isinstance(solver, AbstractSymplectic):
+            how = {"n_steps": setting}
+        else:
+            how = {"stepsize_controller": diffrax.PIDController(rtol=setting, atol=setting)}
+        sol = simulate(scene, begin, t0=t0, ts=ts_, solver=solver, throw=False, **how)
+        return quantity(sol), sol.ok, sol.stats["num_steps"]
+
+    rows, name = [], type(solver).__name__
+    for setting in settings:
+        setting = jnp.asarray(setting, way.dtype)
+        value, ok, steps = jax.block_until_ready(run(scene, begin, setting))
+        if not bool(ok):
+            continue
+        laps = []
+        for _ in range(_REPEATS):
+            lap = time.perf_counter()
+            jax.block_until_ready(run(scene, begin, setting))
+            laps.append(time.perf_counter() - lap)
+        error = float(jnp.max(jnp.abs(value - true)))
+        rows.append(Row(_named(way.basis), name, way.dtype, int(steps), error, min(laps) / float(ts[-1] - t0)))
+    return rows
+
+
+def _settled(system: System, start: State, static: bool) -> tuple[System, State]:
+    """A start whose strain is at rest, or as it is."""
+    return system, at_rest(system, start) if static else start
+
+
+def _reference(system, start, quantity, t0, ts, static: bool):
+    """The answer, how far a poorer reference is from it, and its name."""
+    first = 2 * np.pi * float(continuum.natural_frequencies(system, 1)[0])
+    if _MODES * first * float(ts[-1] - t0) < _MOST_STEPS:
+        try:
+            exact, poorer = (
+                continuum.simulate(system, start, ts=ts, t0=t0, static=static, modes=modes, error=False)
+                for modes in (_MODES, _MODES // 2)
+            )
+        except ValueError:  # a force that it does not take
+            pass
+        else:
+            true, other = (quantity(_AsSolution(x)) for x in (exact, poorer))
+            return true, float(jnp.max(jnp.abs(true - other))), "the exact rod"
+    best, poorer = (
+        quantity(simulate(*_settled(*on_rung(system, start, basis), static), t0=t0, ts=ts, tolerance=1e-11))
+        for basis in (_BEST, LoadRitz(_BEST.n - 3))
+    )
+    return best, float(jnp.max(jnp.abs(best - poorer))), _named(_BEST)
+
+
+class _AsSolution:
+    """The exact rod's run with the names of a `Solution`."""
+
+    def __init__(self, exact: continuum.ContinuumSolution):
+        self.system, self.states, self.ts = exact.system, exact.states, exact.ts
+        self.angle, self.rate, self.tip = exact.angle, exact.rate, exact.tip
+        self.energy, self.angular_momentum = exact.energy, exact.angular_momentum
+        self.strain = exact.tip_stretch / exact.system.rod.length
+
+
+def _named(basis: AbstractBasis) -> str:
+    if isinstance(basis, QuasiStatic):
+        return f"QuasiStatic({_named(basis.basis)})"
+    return f"{type(basis).__name__}({basis.n})" if basis.n else "rigid"

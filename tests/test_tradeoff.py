@@ -1,0 +1,58 @@
+"""What accuracy costs, measured on a scene."""
+
+import numpy as np
+import pytest
+
+import jaxrod
+from jaxrod.ladder import at_rest, on_rung
+from jaxrod.tradeoff import Row, Tradeoff
+
+
+def test_front():
+    """The rows that no other beats in both."""
+    rows = [Row("a", "x", "float64", 10, error, cost) for error, cost in ((1e-2, 1), (1e-1, 2), (1e-4, 3), (1e-4, 4))]
+    found = Tradeoff(rows, "tip", "m", "the exact rod", 1e-9, 3)
+    assert [row.cost for row in found.front] == [1, 3]
+    assert "no time for 3 more ways" in str(found) and str(found).count("float64") == 2
+
+
+@pytest.mark.slow
+def test_of_a_scene(cone, tmp_path):
+    """Rigid first; more shapes are nearer to the exact rod; and a picture."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
+    found = jaxrod.tradeoff(system, system.state(rate=15.0), t1=0.2, seconds=40.0, progress=False)
+    best = {}
+    for row in found.rows:
+        best[row.rung] = min(row.error, best.get(row.rung, np.inf))
+    assert found.reference == "the exact rod" and found.own_error < 1e-7
+    assert best["rigid"] > 30 * best["LoadRitz(4)"] and best["Ritz(1)"] > 3 * best["Ritz(3)"]
+    jaxrod.plot.tradeoff(found, "cone").savefig(tmp_path / "front.png")
+    assert (tmp_path / "front.png").stat().st_size > 10_000
+
+
+def test_static_starts_stay(cone):
+    """Steadily turning without gravity, every rung keeps the strain that it starts with."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1))
+    for basis in (jaxrod.Ritz(1), jaxrod.LoadRitz(3)):
+        scene, start = on_rung(system, system.state(rate=15.0), basis)
+        start = at_rest(scene, start)
+        end = jaxrod.simulate(scene, start, t1=0.2).states
+        np.testing.assert_allclose(end.amplitudes[-1], start.amplitudes, atol=1e-9)
+        assert abs(start.amplitudes[0]) > 1e-3
+
+
+def test_refusals(cone):
+    system = jaxrod.System(cone, jaxrod.Rotation())
+    with pytest.raises(ValueError, match="seconds="):
+        jaxrod.tradeoff(system, system.state(), t1=1.0, seconds=0.0)
+    with pytest.raises(ValueError, match="Lumped"):
+        jaxrod.tradeoff(jaxrod.paper.literal(), jaxrod.paper.literal().state(), t1=1.0)
+    with pytest.raises(SystemExit):
+        jaxrod.cli.main(["tradeoff", "a-misspelt-scene"])
+
+
+@pytest.mark.parametrize("name", list(jaxrod.scenes.NAMED))
+def test_named_scenes_run(name):
+    scene = jaxrod.scenes.NAMED[name]()
+    sol = jaxrod.simulate(scene.system, scene.start, ts=scene.quantity.times(0.0, scene.t1 / 10))
+    assert np.all(np.isfinite(scene.quantity(sol))), scene.title
