@@ -46,8 +46,9 @@ def steel_link() -> Scene:
 
 def rotor_near_critical() -> Scene:
     """A rubber rotor driven at nine tenths of the spin at which it would give way."""
-    rod = Rod(1.0, Uniform(0.025), young=1e7, density=1200.0)
-    rate = 0.9 * jnp.pi / 2 * jnp.sqrt(rod.young / 1200.0)
+    young, density = 1e7, 1200.0
+    rod = Rod(1.0, Uniform(0.025), young=young, density=density)
+    rate = 0.9 * jnp.pi / 2 * jnp.sqrt(young / density)
     system = System(rod, Driven(Partial(_turned, rate)), Ritz(1))
     return Scene("a rotor near the critical spin", system, system.state(), 0.5, LargestStrain())
 
