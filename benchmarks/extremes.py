@@ -288,7 +288,7 @@ def code(result) -> str:
 def against_half(run: Run, sol) -> float:
     """Largest distance of the tip from that of a run in float64 of half the step, over the largest from the pivot."""
     system, start = jax.tree.map(lambda x: x.astype(sol.ts.dtype).astype(jnp.float64), (run.system, run.start))
-    options = {key: value for key, value in run.options.items() if key != "n_steps"}
+    options = {"max_steps": 2**24} | {key: value for key, value in run.options.items() if key != "n_steps"}
     ts = sol.ts.astype(jnp.float64)
     if sol.ts.dtype == jnp.float64 and "adaptive" not in sol.stats["why"]:
         finer = jaxrod.simulate(system, start, ts=ts, n_steps=2 * int(sol.stats["num_steps"]), throw=False, **options)
