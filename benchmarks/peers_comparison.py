@@ -136,8 +136,8 @@ def main() -> None:
         "",
         "`python benchmarks/peers_comparison.py`: the Figure 2 scene, 10 s, microseconds per trajectory at the error of the "
         "tip (m) that was reached, worst of many starts; in brackets, that over the library's on as many cores. The C "
-        "kernels run three schemes, the library's first: a block of 64 lanes in loops for `omp simd`, and one with its registers chosen "
-        "by hand.",
+        "kernels run three schemes, the library's first: a block of 64 lanes in loops for `omp simd`, and one with its "
+        "registers chosen by hand.",
     ]
     for n, axes in zip((1, 3), figure.subplots(1, 2), strict=True):
         problem = Problem.figure_2(n, np.linspace(14.0, 16.0, arguments.lanes))
