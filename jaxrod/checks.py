@@ -22,25 +22,27 @@ def known(value: Any) -> bool:
     return not isinstance(value, Tracer)
 
 
-def closes_over_traced(value: Any, depth: int = 6) -> bool:
-    """Whether a function inside `value` has a traced number in its closure, where no pytree sees it."""
-    if isinstance(value, Tracer):
-        return True
-    if depth == 0:
-        return False
+def closes_over_traced(value: Any, inside: bool = False, depth: int = 8) -> bool:
+    """Whether a function in `value` has a traced number in its closure, where no pytree sees it.
+
+    `inside`: whether `value` itself is in a closure; leaves of pytrees outside are no secret.
+    """
+    if isinstance(value, Tracer) or depth == 0:
+        return inside and depth > 0
     if isinstance(value, list | tuple):
         inner = value
     elif isinstance(value, dict):
         inner = value.values()
     elif isinstance(value, functools.partial):
         inner = (value.func, value.args, value.keywords)
+        inside = inside or not isinstance(value, jax.tree_util.Partial)
     elif isinstance(value, types.FunctionType):
-        inner = (*(_content(cell) for cell in value.__closure__ or ()), value.__defaults__ or ())
+        inner, inside = (*(_content(cell) for cell in value.__closure__ or ()), value.__defaults__ or ()), True
     elif isinstance(value, eqx.Module):
-        inner = [x for x in vars(value).values() if not isinstance(x, Tracer)]  # its leaves are no secret
+        inner = vars(value).values()
     else:
         return False
-    return any(closes_over_traced(x, depth - 1) for x in inner)
+    return any(closes_over_traced(x, inside, depth - 1) for x in inner)
 
 
 def _content(cell) -> Any:

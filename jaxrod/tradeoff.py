@@ -15,7 +15,7 @@ from . import continuum
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .ladder import at_rest, on_rung
 from .load_basis import LoadRitz
-from .motion import State
+from .motion import Driven, State
 from .quantity import AbstractQuantity, FinalTip, Measured
 from .rod import Lumped
 from .simulation import default_solver, simulate
@@ -145,17 +145,15 @@ def tradeoff(
 
 def _ways(system: System) -> Iterator[_Way]:
     """The likeliest first."""
-    for basis in RUNGS:
-        yield _Way(basis, None, "float64")
-    for basis in RUNGS:
-        if not isinstance(basis, QuasiStatic):
-            yield _Way(basis, diffrax.Dopri8(), "float64")
-    for basis in RUNGS:
-        if not isinstance(basis, QuasiStatic) and not system.unsplit:
-            yield _Way(basis, StormerVerlet(), "float64")
-    for basis in RUNGS:
-        if not isinstance(basis, QuasiStatic):
-            yield _Way(basis, None, "float32")
+    with_inertia = [basis for basis in RUNGS if not isinstance(basis, QuasiStatic)]
+    rungs = with_inertia if isinstance(system.motion, Driven) else RUNGS  # driven, a condensed rod has nothing to move
+    yield from (_Way(basis, None, "float64") for basis in rungs)
+    others = [
+        (diffrax.Dopri8(), "float64"),
+        *([] if system.unsplit else [(StormerVerlet(), "float64")]),
+        (None, "float32"),
+    ]
+    yield from (_Way(basis, *other) for other in others for basis in with_inertia)
 
 
 def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) -> list[Row]:

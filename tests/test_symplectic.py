@@ -298,6 +298,22 @@ def test_numbers_in_closures(cone):
     np.testing.assert_allclose(jax.grad(swept)(0.5), jnp.cos(0.5) + 2 * jnp.cos(1.0))
 
 
+def test_numbers_that_hide_nowhere(cone):
+    """The leaves of a `Partial` are seen: such scenes keep to equal steps.  A module within a closure hides its own."""
+
+    def driven(rate):
+        system = jaxrod.System(cone, jaxrod.Driven(jax.tree_util.Partial(lambda w, t: w * t, rate)))
+        return jaxrod.simulate(system, system.state(), t1=0.05)
+
+    def loaded(moment):
+        load = jaxrod.Torque(moment)
+        system = jaxrod.System(cone, jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: load.moment * t)])
+        return jaxrod.simulate(system, system.state(), t1=0.05)
+
+    assert jax.jit(driven)(5.0).stats["why"].startswith("symplectic")
+    assert "closes over" in jax.jit(loaded)(5.0).stats["why"]
+
+
 def test_what_failed_has_no_derivative(cone):
     """Not zero, which would pass for one."""
     system = jaxrod.System(cone, jaxrod.Rotation(), gravity=None)
