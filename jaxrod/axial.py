@@ -1,5 +1,6 @@
 """Oscillators for the axial modes, whatever their number and stiffness: free to turn, or turned as prescribed."""
 
+import abc
 import math
 from typing import Any
 
@@ -71,6 +72,14 @@ class AxialModes(eqx.Module):
         """First moment of the stretched rod."""
         return self.moments[0] + self.moments[1:] @ eta
 
+    def encode(self, state: State) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """eta of a state, and its rates over the natural ones."""
+        return self.inverse @ state.amplitudes, self.inverse @ state.amplitude_rates / self.rates
+
+    def decode(self, eta, deta) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """The amplitudes of the strain, and their rates."""
+        return self.shapes @ eta, self.shapes @ (deta * self.rates)
+
 
 class AbstractOscillating(AbstractSplit):
     """A split whose drift has the oscillators of the axial modes.
@@ -102,6 +111,22 @@ class AbstractOscillating(AbstractSplit):
         stages = Stage(*(jnp.asarray(x, self.modes.rest.dtype) for x in zip(*scheme.stages, strict=True)))
         rows = (stages, table[0])
         return jax.lax.scan(lambda carry, row: (visit(carry, *row), None), carry, rows, reverse=backwards)[0]
+
+    @abc.abstractmethod
+    def _drift(self, circle, t, y: Split) -> Split:
+        """y after a drift for a time t, in which the oscillators turn as `circle` knows."""
+
+    def opened(self, scheme, table, h, y):
+        return self._drift(table[1], scheme.drifts[0] * h, y)
+
+    def closed(self, scheme, table, h, y):
+        return self.settled(self._drift(_back(table[1]), -scheme.drifts[0] * h, y))
+
+    def _kicked(self, h, push: Numbers, y: Split) -> Split:
+        """y after a force on each mode for a time h."""
+        periods = self.numbers[0].periods
+        kicked = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, periods, strict=True)]
+        return y._replace(strain_momentum=y.strain.like(kicked))
 
     def lowest_strain(self, y):
         return lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
@@ -136,10 +161,9 @@ class Axial(AbstractOscillating):
         self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
 
     def encode(self, state):
-        eta = self.modes.inverse @ state.amplitudes
+        eta, deta = self.modes.encode(state)
         inertia = self.modes.inertia(eta)
         momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
-        deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
         d, momentum = scattered((state.direction, jnp.atleast_1d(momentum)))
         return Split(d, momentum, scattered(eta), scattered(deta), jnp.zeros_like(inertia))
 
@@ -147,14 +171,7 @@ class Axial(AbstractOscillating):
         d, momentum, eta, deta, _ = gathered(y)
         spin = momentum / self.modes.inertia(eta)
         rate = spin * jnp.stack([-d[1], d[0]]) if d.size == 2 else jnp.cross(spin, d)
-        strain, strain_rate = self.modes.shapes @ eta, self.modes.shapes @ (deta * self.modes.rates)
-        return with_center(State(d, rate, strain, strain_rate, turns), self.center, t)
-
-    def opened(self, scheme, table, h, y):
-        return self._drift(table[1], scheme.drifts[0] * h, y)
-
-    def closed(self, scheme, table, h, y):
-        return self.settled(self._drift(_back(table[1]), -scheme.drifts[0] * h, y))
+        return with_center(State(d, rate, *self.modes.decode(eta, deta), turns), self.center, t)
 
     def stage(self, stage, known, t, h, y):
         y = self.settled(self._straighten(stage.before * h, y))
@@ -195,8 +212,7 @@ class Axial(AbstractOscillating):
             return energy.kinetic_momentum(modes, eta, square) - square * (1 - 2 * (modes.arms @ eta)) / 2
 
         push, turning = by_number(jax.grad(rest, argnums=(1, 2)))(modes, y.strain, square)
-        pushed = [p - h * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
-        return y._replace(strain_momentum=y.strain.like(pushed), turning=y.turning + 2 * h * turning)
+        return self._kicked(-h, push, y)._replace(turning=y.turning + 2 * h * turning)
 
     def _load(self, t, h, y: Split) -> Split:
         """The kick of gravity and of forces."""
@@ -204,8 +220,7 @@ class Axial(AbstractOscillating):
         if gravity is None and loads is None:
             return y
         moment, push = by_number(self._loads)(modes, gravity, loads, t, y.q, y.strain)
-        pushed = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
-        return y._replace(p=y.p.moved(h, moment), strain_momentum=y.strain.like(pushed))
+        return self._kicked(h, push, y)._replace(p=y.p.moved(h, moment))
 
     def _loads(self, modes: AxialModes, gravity, loads: Scene | None, t, d, eta):
         """Moment on the rod and force on each mode, per inertia."""
@@ -245,20 +260,12 @@ class Prescribed(AbstractOscillating):
         self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
 
     def encode(self, state):
-        eta = self.modes.inverse @ state.amplitudes
-        deta = self.modes.inverse @ state.amplitude_rates / self.modes.rates
+        eta, deta = self.modes.encode(state)
         return Split(None, None, scattered(eta), scattered(deta))
 
     def decode(self, t, y, turns):
         eta, deta = gathered((y.strain, y.strain_momentum))
-        amplitudes, rates = self.modes.shapes @ eta, self.modes.shapes @ (deta * self.modes.rates)
-        return Strains().decode(self.scene.motion, t, amplitudes, rates, turns)
-
-    def opened(self, scheme, table, h, y):
-        return self._drift(table[1], scheme.drifts[0] * h, y)
-
-    def closed(self, scheme, table, h, y):
-        return self._drift(_back(table[1]), -scheme.drifts[0] * h, y)
+        return Strains().decode(self.scene.motion, t, *self.modes.decode(eta, deta), turns)
 
     def stage(self, stage, known, t, h, y):
         return self._drift(known, stage.drift * h, self._kick(t + stage.passed * h, stage.kick * h, y))
@@ -282,9 +289,7 @@ class Prescribed(AbstractOscillating):
 
     def _kick(self, t, h, y: Split):
         modes, scene = self.numbers
-        push = by_number(self._push)(modes, scene, t, y.strain)
-        pushed = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, modes.periods, strict=True)]
-        return y._replace(strain_momentum=y.strain.like(pushed))
+        return self._kicked(h, by_number(self._push)(modes, scene, t, y.strain), y)
 
     def _push(self, modes: AxialModes, scene: Scene, t, eta):
         equations = Moving(scene, Strains())

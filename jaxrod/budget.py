@@ -24,12 +24,12 @@ from .motion import State
 from .quantity import AbstractQuantity
 from .rod import Rod
 from .solution import Solution
+from .stepping import LEAST_TOLERANCE
 from .system import System
 
 _FLOOR = 1e-12  # no bound is below it
 _LOST = 0.25  # of the range: beyond it the phase is lost
 _SHAPES = ((6, 3), (9, 6))  # of the runs with more shapes: at least, and more than the run itself
-_LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}
 _TOLERANCE = {"float64": 1e-10, "float32": 1e-5}  # of the runs with more shapes
 _NUDGE = {"float64": 1e-7, "float32": 1e-3}
 
@@ -88,7 +88,7 @@ def budget_of(
             value, jnp.abs(value - exact), zero, 100 * eps * jnp.abs(value), span, limits, quantity.name, quantity.unit
         )
 
-    fine = quantity(run(system, start, _LEAST_TOLERANCE[name]))
+    fine = quantity(run(system, start, LEAST_TOLERANCE[name]))
     moved = jnp.abs(quantity(run(system, _nudged(start, _NUDGE[name]))) - value) / _NUDGE[name]
     rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
     model = zero

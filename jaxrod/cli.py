@@ -25,6 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     paper.add_argument(
         "--out", type=pathlib.Path, default=pathlib.Path("paper"), help="folder to write (default: paper)"
     )
+    paper.set_defaults(run=_paper)
     trade = commands.add_parser(
         "tradeoff",
         help="measure what accuracy costs on a scene",
@@ -34,11 +35,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     trade.add_argument("scene", choices=list(jaxrod.scenes.NAMED), metavar="scene", help=", ".join(jaxrod.scenes.NAMED))
     trade.add_argument("--seconds", type=float, default=60.0, help="stop after so much time (default: 60)")
     trade.add_argument("--out", type=pathlib.Path, default=pathlib.Path("tradeoff"), help="folder (default: tradeoff)")
+    trade.set_defaults(run=_tradeoff)
     arguments = parser.parse_args(argv)
     if arguments.out.exists() and not arguments.out.is_dir():
         parser.error(f"--out {arguments.out} is a file; give a folder")
     print(jaxrod.configure(), file=sys.stderr)
-    return {"paper": _paper, "tradeoff": _tradeoff}[arguments.command](arguments)
+    return arguments.run(arguments)
 
 
 def _paper(arguments) -> int:

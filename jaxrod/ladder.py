@@ -7,7 +7,9 @@ import jax.numpy as jnp
 
 from . import continuum
 from .basis import AbstractBasis
-from .motion import Flight, State
+from .chart import Director, Strains
+from .equations import Condensed
+from .motion import Driven, State
 from .rod import Lumped
 from .system import System
 
@@ -39,13 +41,11 @@ def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
 
 
 def at_rest(system: System, start: State) -> State:
-    """The start with the strain that its spin and gravity would hold still, of Hooke's law."""
+    """The start with the strain that its spin, gravity and forces would hold still, of Hooke's law."""
     if system.basis.n == 0:
         return start
-    body, square = system.body, start.direction_rate @ start.direction_rate
-    pull = square * body.mass_matrix[1:, 0]
-    if system.gravity is not None and not isinstance(system.motion, Flight):
-        along = -system.gravity * start.direction[-1] if system.gravity.ndim == 0 else system.gravity @ start.direction
-        pull = pull + along * body.first_moments[1:]
-    amplitudes = jnp.linalg.solve(body.stiffness_matrix - square * body.strain_mass, pull)
+    none = jnp.zeros(0, start.direction.dtype)
+    chart = Strains() if isinstance(system.motion, Driven) else Director()
+    q, v = chart.encode(system.motion, dataclasses.replace(start, amplitudes=none, amplitude_rates=none))
+    amplitudes = Condensed(system.equations(chart).scene, chart).strain(0.0, q, v)
     return dataclasses.replace(start, amplitudes=amplitudes, amplitude_rates=jnp.zeros_like(amplitudes))

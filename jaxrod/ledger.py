@@ -45,7 +45,7 @@ class Ledger(eqx.Module):
 def account(system: System, start: State, states: State, stats: dict[str, Array]) -> Ledger:
     """The ledger of one scene from its start, its saved states (leading axis T) and the counts of its run."""
     body = system.body
-    all_ = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
+    all_ = with_start(start, states)
     turned = jnp.sum(all_.direction_rate**2, axis=-1)
     strain = body.field(all_.amplitudes) if system.basis.n else jnp.zeros((*turned.shape, 1), turned.dtype)
     conserved, momentum = _kept(system, all_)
@@ -56,6 +56,16 @@ def account(system: System, start: State, states: State, stats: dict[str, Array]
         room=1 + jnp.minimum(jnp.nanmin(strain), stats.get("lowest_strain", jnp.inf)),
         turning=jnp.sqrt(jnp.nanmax(turned)) * stats["step"],
     )
+
+
+def with_start(start: State, states: State) -> State:
+    """The states (leading axis T) after the one that they began with."""
+    return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
+
+
+def is_closed(system: System) -> bool:
+    """Whether nothing feeds or drains the scene: no forces beside weight, no drive."""
+    return not system.forces and not isinstance(system.motion, Driven)
 
 
 def energy_change(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, ""]]:
@@ -77,10 +87,10 @@ def energy_change(system: System, states: State) -> tuple[Float[Array, " T"], Fl
 
 def _kept(system: System, states: State) -> tuple[Float[Array, ""] | None, Float[Array, ""] | None]:
     """Change of energy and of angular momentum, each None where the scene need not keep it."""
-    if system.forces or isinstance(system.motion, Driven):
+    if not is_closed(system):
         return None, None
     change, size = energy_change(system, states)
-    energy_ = None if isinstance(system.basis, QuasiStatic) else _over(jnp.nanmax(jnp.abs(change)), size)
+    energy_ = None if isinstance(system.basis, QuasiStatic) else over(jnp.nanmax(jnp.abs(change)), size)
     axis = _axis(system)
     if axis is None:
         return energy_, None
@@ -88,7 +98,7 @@ def _kept(system: System, states: State) -> tuple[Float[Array, ""] | None, Float
     along = momentum[:, None] if momentum.ndim == 1 else momentum @ axis
     change = jnp.sqrt(jnp.sum((along - along[:1]) ** 2, axis=-1))
     inertia = jnp.nanmax(system.body.inertia(states.amplitudes))
-    return energy_, _over(jnp.nanmax(change), jnp.sqrt(2 * size * inertia))
+    return energy_, over(jnp.nanmax(change), jnp.sqrt(2 * size * inertia))
 
 
 def _axis(system: System) -> Float[Array, "D kept"] | None:
@@ -104,7 +114,8 @@ def _axis(system: System) -> Float[Array, "D kept"] | None:
     return (gravity / jnp.where(size > 0, size, 1.0))[:, None]
 
 
-def _over(change, size):
+def over(change, size):
+    """Of a size that may be zero."""
     return change / jnp.where(size > 0, size, 1.0)
 
 

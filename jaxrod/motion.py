@@ -205,3 +205,14 @@ def _inside(pivot):
     if pivot is None or (checks.known(pivot) and np.ndim(pivot) == 0 and pivot == 0):
         return None
     return checks.not_negative("pivot", pivot, "metres from the root")
+
+
+def check_start(motion: AbstractMotion, n: int, start: State) -> None:
+    """**Raises:** `ValueError` for a start with other shapes than a scene with this motion and n strain shapes has."""
+    dimension, flight = motion.dimension, isinstance(motion, Flight)
+    if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
+        raise ValueError(
+            f"start has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "
+            f"scene needs ({dimension},) and ({n},){' and a center' if flight else ''}; make it by system.state(...), and "
+            "map over many with jax.vmap."
+        )

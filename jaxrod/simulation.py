@@ -22,17 +22,16 @@ from .budget import budget_of
 from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
-from .motion import Driven, Flight, State
+from .motion import Driven, State, check_start
 from .quantity import AbstractQuantity, Measured
 from .result import Result, SimulationError
 from .solution import Solution
-from .stepping import best_solver, step_through
+from .stepping import LEAST_TOLERANCE, best_solver, step_through
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .unrolled import Unrolled
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
-_LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}
 _LOCAL = 1e-4  # error of a step over `tolerance`
 _LEAST_LOCAL = {"float64": 7e-15, "float32": 3e-8}  # below it rounding is all that the error estimate sees
 
@@ -136,8 +135,8 @@ def simulate(
         raise ValueError(
             f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
         )
-    if isinstance(start, State):
-        _check_start(system, start)
+    if isinstance(system, System) and isinstance(start, State):
+        check_start(system.motion, system.basis.n, start)
     else:
         start = Phase(*(jnp.asarray(x, dtype) for x in start))
 
@@ -308,10 +307,10 @@ def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
     if tolerance is None:
         tolerance = _DEFAULT_TOLERANCE[name]
     tolerance = checks.positive("tolerance", tolerance, "relative error of the tip's position")
-    if checks.fails(lambda tolerance: tolerance >= _LEAST_TOLERANCE[name], tolerance):
+    if checks.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
         other = "call jaxrod.configure() and build the scene in float64" if name == "float32" else "take a larger one"
         raise ValueError(
-            f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {_LEAST_TOLERANCE[name]:.0e}; {other}."
+            f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {LEAST_TOLERANCE[name]:.0e}; {other}."
         )
     return jnp.maximum(_LOCAL * tolerance.astype(dtype), _LEAST_LOCAL[name])
 
@@ -330,13 +329,3 @@ def _check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None
         return  # steps are counted by the tolerance
     elif dt0 is None and stepsize_controller is None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
         raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
-
-
-def _check_start(system: Any, start: State) -> None:
-    dimension, n, flight = system.motion.dimension, system.basis.n, isinstance(system.motion, Flight)
-    if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
-        raise ValueError(
-            f"start has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "
-            f"scene needs ({dimension},) and ({n},){' and a center' if flight else ''}; make it by system.state(...), and "
-            "map over many with jax.vmap."
-        )

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .equations import eigenvalues
-from .ledger import energy_change
+from .ledger import energy_change, is_closed, over, with_start
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motion import Driven, Flight, State
 from .result import Result
@@ -16,6 +16,7 @@ from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .unrolled import Unrolled, Whole
 
+LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}  # that a type reaches
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
 _FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
@@ -103,7 +104,7 @@ def step_through(
     code = Result.where((code == Result.ok) & (lost > open_energy), Result.coarse, code)
     if n_steps is None:  # steps counted from the start do not see how fast the rod turns when pressed together later
         code = Result.where((code == Result.ok) & (last.lowest < _PRESSED), Result.coarse, code)
-    if n_steps is None and (system.forces or isinstance(system.motion, Driven)):
+    if n_steps is None and not is_closed(system):
         # No energy is kept by which to see steps that are too long for the loads: half as many are taken too.
         half = Route(t0, ts, (counts + 1) // 2, (taken + 1) // 2, even)
         twice = march(solver, split, split.encode(start), start.turns, half, backwards)
@@ -154,9 +155,8 @@ def _summed(counts: Int[Array, " T"]) -> Int[Array, " T"]:
 
 def _energy_lost(system: System, start: State, states: State, reached) -> Float[Array, ""]:
     """Largest change of the energy at a save time over what moves in it; zero where it need not keep its energy."""
-    if system.forces or isinstance(system.motion, Driven):
+    if not is_closed(system):
         return jnp.zeros_like(start.turns)
-    all_ = jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
-    change, size = energy_change(system, jax.lax.stop_gradient(all_))
+    change, size = energy_change(system, jax.lax.stop_gradient(with_start(start, states)))
     change = jnp.max(jnp.where(reached, jnp.abs(change[1:]), 0.0))
-    return jax.lax.stop_gradient(change / jnp.where(size > 0, size, 1.0))
+    return jax.lax.stop_gradient(over(change, size))

@@ -10,6 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .. import checks
+from ..quadrature import gauss
 from ..rod import Rod
 from ..section import Cone, Profile, Uniform
 from .compliance import support
@@ -55,7 +56,7 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     """
     rod, root, tip = _cone_held_at_root(system)
     kappa = held_free(root, tip, n)
-    x, w = np.polynomial.legendre.leggauss(2 * n)
+    x, w = gauss(2 * n)
     x, w = jnp.asarray((x + 1) / 2), jnp.asarray(w / 2)
     radius = root + (tip - root) * x
     mode = jnp.sin(kappa[:, None] * x[None, :])  # radius * u

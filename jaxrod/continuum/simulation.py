@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from .. import checks
 from ..force import TipForce
-from ..motion import Driven, State
+from ..motion import Driven, State, check_start
 from .compliance import order_for, support
 from .dynamics import Dynamics
 from .solution import ContinuumSolution, Errors
@@ -155,12 +155,7 @@ def _check(system: Any, start: State, modes: int) -> None:
         raise ValueError(f"forces holds {len(system.forces)} of TipForce; give one that is their sum.")
     if not isinstance(start, State):
         raise ValueError(f"start={start!r} does not fit; make it by system.state(angle=..., rate=...).")
-    dimension, n, flight = system.motion.dimension, system.basis.n, not hasattr(system.motion, "pivot")
-    if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
-        raise ValueError(
-            f"start has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "
-            f"scene needs ({dimension},) and ({n},){' and a center' if flight else ''}; make it by system.state(...)."
-        )
+    check_start(system.motion, system.basis.n, start)
 
 
 class _Run(NamedTuple):
