@@ -15,8 +15,6 @@ import jaxrod
 
 jaxrod.configure()
 
-import equinox as eqx  # noqa: E402
-import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
@@ -26,6 +24,7 @@ RUNGS = {"Ritz(1)": jaxrod.Ritz(1), "Ritz(2)": jaxrod.Ritz(2), "LoadRitz(3)": ja
 MOTIONS = ("rotation", "spherical", "flight", "driven")
 TRUTH = jaxrod.LoadRitz(16)
 SAVED = 100
+PAGE = pathlib.Path(__file__).parent.parent / "docs" / "accuracy_of_budgets.md"
 
 
 def scene(motion: str, basis, p):
@@ -36,22 +35,13 @@ def scene(motion: str, basis, p):
     spin, t1 = first * 0.3 * p[2], 2 * jnp.pi / first * 10 ** (2.3 * p[3])
     moving = {"angle": 2 * p[4] - 1, "rate": spin}
     if motion == "driven":
-        given, moving = jaxrod.Driven(Turning(0.9 * first * p[2])), {}
+        given, moving = jaxrod.scenes.steady(0.9 * first * p[2]), {}
     elif motion == "spherical":
         given, moving = jaxrod.Spherical(), {**moving, "azimuth_rate": spin * p[5]}
     else:
         given = jaxrod.Rotation() if motion == "rotation" else jaxrod.Flight()
     system = jaxrod.System(rod, given, basis, gravity=9.81)
     return system, system.state(**moving, strain=0.02 * (p[6] - 0.5)), jnp.linspace(0.0, t1, SAVED + 1)[1:]
-
-
-class Turning(eqx.Module):
-    """A steady rate."""
-
-    rate: jax.Array
-
-    def __call__(self, t):
-        return self.rate * t
 
 
 def asked(sol):
@@ -89,14 +79,12 @@ def main() -> None:
         count, shares = judged(picked)
         rows.append([label, str(count), *shares])
     head = (
-        f"# Error budgets of random scenes\n\n`python benchmarks/budget_coverage.py --scenes {arguments.scenes} --seed "
+        f"## Of random scenes\n\n`python benchmarks/budget_coverage.py --scenes {arguments.scenes} --seed "
         f"{arguments.seed}`: share of scenes whose error is inside the bound that the run states, of those where the bound is "
         "within ten times the error, and of those with no bound.\n\n"
     )
     head_row = ["scenes", "count", *(f"{name}: inside / within ten / no bound" for name in NAMES)]
-    text = head + report.table(head_row, rows)
-    print(text)
-    (pathlib.Path(__file__).parent.parent / "docs" / "accuracy_of_budgets.md").write_text(text + "\n", encoding="utf-8")
+    report.write("coverage", head + report.table(head_row, rows), PAGE)
 
 
 def judged(found: list) -> tuple[int, list[str]]:

@@ -18,7 +18,6 @@ Writes the part "extremes" of docs/extremes.md.
 
 import argparse
 import dataclasses
-import pathlib
 from collections.abc import Callable, Iterator
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -31,14 +30,12 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
+from random_extremes import EACH_RADIAN, PAGE, PROMISE  # noqa: E402
 
 from jaxrod import Result  # noqa: E402
 
-PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
 GRAVITY = 9.81
 PARTS = np.linspace(0.0, 1.0, 42)[1:]  # of a run, at which its tip is compared
-PROMISE = {"float64": 1e-8, "float32": 1e-4}
-EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}
 APART = {"float64": 1e-12, "float32": 6e-8}
 
 
@@ -112,9 +109,7 @@ def driven_spin():
             plain = system_of(gravity=None, n=n)
             omega = axial_rate(plain)
             spin = times * omega
-            system = dataclasses.replace(
-                plain, motion=jaxrod.Driven(jax.tree_util.Partial(_steadily, jnp.asarray(spin)))
-            )
+            system = dataclasses.replace(plain, motion=jaxrod.scenes.steady(jnp.asarray(spin)))
             name = f"{times:g} x its own critical rate, Ritz({n})"
             if n > 1:
                 yield Run(name, system, system.state(), 5, note=lambda sol, w=spin: growth_note(sol, w))
@@ -128,10 +123,6 @@ def driven_spin():
                 return float(np.max(np.abs(np.asarray(sol.strain, float) - want)) / np.max(np.abs(1 + want)))
 
             yield Run(name, system, system.state(), 5, exact=exact, note=lambda sol, w=spin: growth_note(sol, w))
-
-
-def _steadily(rate, t):
-    return rate * t
 
 
 def growth_note(sol, spin) -> str:
@@ -240,9 +231,7 @@ def long_steps():
         steps = max(1, round(fewest * times))
         run = Run(f"{steps} steps ({times:g} of stability's)", system, system.state(rate=15.0), periods)
         yield run._replace(options={"n_steps": steps})
-    driven = dataclasses.replace(
-        system, motion=jaxrod.Driven(jax.tree_util.Partial(_steadily, jnp.asarray(0.3 * omega)))
-    )
+    driven = dataclasses.replace(system, motion=jaxrod.scenes.steady(jnp.asarray(0.3 * omega)))
     for steps in (10, 40, 80, 800):
         run = Run(f"driven at 0.3 of the axial rate, {steps} steps", driven, driven.state(), periods)
         yield run._replace(options={"n_steps": steps})

@@ -112,7 +112,7 @@ def scene(kind: Kind, p: dict) -> tuple[jaxrod.System, jaxrod.State, jax.Array]:
     rate = 2 * jnp.pi * jaxrod.natural_frequencies(jaxrod.System(rod, moving, own))[0]
     spin = _single(p["spin"] * rate)
     if kind.motion == "Driven":
-        moving = jaxrod.Driven(jax.tree_util.Partial(_steadily, spin))
+        moving = jaxrod.scenes.steady(spin)
     system = jaxrod.System(rod, moving, jaxrod.Ritz(kind.n), gravity)
     numbers: dict[str, Any] = {} if kind.motion == "Driven" else {"angle": _single(p["angle"]), "rate": spin}
     if kind.n:
@@ -128,10 +128,6 @@ def scene(kind: Kind, p: dict) -> tuple[jaxrod.System, jaxrod.State, jax.Array]:
     fastest = jnp.sqrt(rate**2 + spin**2 + swing)
     ts = _single(jnp.linspace(0.0, 1.0, 21)[1:] * p["periods"] * 2 * jnp.pi / fastest)
     return system, system.state(**numbers), ts
-
-
-def _steadily(rate, t):
-    return rate * t
 
 
 def _single(x):

@@ -1,6 +1,6 @@
 """Scenes with lessons about speed and accuracy."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax.tree_util import Partial
@@ -49,7 +49,7 @@ def rotor_near_critical() -> Scene:
     young, density = 1e7, 1200.0
     rod = Rod(1.0, Uniform(0.025), young=young, density=density)
     rate = 0.9 * jnp.pi / 2 * jnp.sqrt(young / density)
-    system = System(rod, Driven(Partial(_turned, rate)), Ritz(1))
+    system = System(rod, steady(rate), Ritz(1))
     return Scene("a rotor near the critical spin", system, system.state(), 0.5, LargestStrain())
 
 
@@ -73,6 +73,11 @@ def past_the_pole() -> Scene:
     system = System(rod, Spherical(), Ritz(1), gravity=9.81)
     start = system.state(angle=-1.4, rate=9.0, azimuth_rate=0.05)
     return Scene("a spherical swing past the pole", system, start, 1.0, FinalTip())
+
+
+def steady(rate: Any) -> Driven:
+    """Driven at a steady rate (rad/s), which is a leaf: it may be traced."""
+    return Driven(Partial(_turned, rate))
 
 
 def _turned(rate, t):
