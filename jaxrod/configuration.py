@@ -42,6 +42,8 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     os.environ["XLA_FLAGS"] = _flags(os.environ.get("XLA_FLAGS", ""))
     import jax
 
+    if _SHARED_KERNELS in os.environ["XLA_FLAGS"] and _jaxlib() == (0, 10):
+        _find_extremes_without_pairs()
     devices = _cores() if devices is None else devices
     try:
         jax.config.update("jax_num_cpu_devices", devices)
@@ -89,13 +91,39 @@ def complain_once() -> None:
         )
 
 
+def _find_extremes_without_pairs() -> None:
+    """Has `argmax` and `argmin` look for the value, then for its place.
+
+    As a reduction of pairs, which is how JAX has them, two of like shape in one program end the process: the kernels of
+    jaxlib 0.10 do not expect pairs among several results.
+    """
+    import jax
+    from jax.interpreters import mlir
+
+    def lowered(largest):
+        def place(x, *, axes, index_dtype, **_):
+            best = largest(x, axis=axes, keepdims=True)
+            found = (x == best) | (x != x)  # NaN wins  # noqa: PLR0124
+            places = jax.lax.broadcasted_iota(index_dtype, x.shape, axes[0])
+            return jax.numpy.where(found, places, jax.numpy.iinfo(index_dtype).max).min(axes)
+
+        return mlir.lower_fun(place, multiple_results=False)
+
+    mlir.register_lowering(jax.lax.argmax_p, lowered(jax.numpy.max), platform="cpu")
+    mlir.register_lowering(jax.lax.argmin_p, lowered(jax.numpy.min), platform="cpu")
+
+
+def _jaxlib() -> tuple[int, ...]:
+    return tuple(map(int, importlib.metadata.version("jaxlib").split(".")[:2]))
+
+
 def _flags(given: str) -> str:
-    flags, version = given.split(), tuple(map(int, importlib.metadata.version("jaxlib").split(".")[:2]))
+    flags, version = given.split(), _jaxlib()
     shared = version in ((0, 10), (0, 12))  # where it has been tried
     if "xla_backend_extra_options" not in given:
         flags.append(f"--xla_backend_extra_options={_WHOLE_LOOPS}{',' + _SHARED_KERNELS if shared else ''}")
         if version == (0, 10) and "xla_cpu_use_fusion_emitters" not in given:
-            # The newer emitters of this version abort on results of different shapes; later ones do not know the flag.
+            # The newer emitters of this version abort on results of different shapes; later ones do not know this flag.
             flags.append("--xla_cpu_use_fusion_emitters=false")
     if "xla_cpu_prefer_vector_width" not in given:
         flags.append("--xla_cpu_prefer_vector_width=512")
