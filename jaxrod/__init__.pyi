@@ -15,6 +15,7 @@ from .chart import Director as Director
 from .chart import Embedded as Embedded
 from .chart import Local as Local
 from .chart import Strains as Strains
+from .choice import Plan as Plan
 from .configuration import configure as configure
 from .ensemble import sweep as sweep
 from .force import AbstractForce as AbstractForce
@@ -41,6 +42,7 @@ from .motion import Flight as Flight
 from .motion import Rotation as Rotation
 from .motion import Spherical as Spherical
 from .motion import State as State
+from .planning import plan as plan
 from .predictability import Horizon as Horizon
 from .predictability import horizon as horizon
 from .quantity import AbstractQuantity as AbstractQuantity

@@ -89,7 +89,7 @@ def budget_of(
         )
 
     fine = quantity(run(system, start, LEAST_TOLERANCE[name]))
-    moved = jnp.abs(quantity(run(system, _nudged(start, _NUDGE[name]))) - value) / _NUDGE[name]
+    moved = jnp.abs(quantity(run(system, nudged(start, _NUDGE[name]))) - value) / _NUDGE[name]
     rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
     model = zero
     if isinstance(system.rod, Rod):
@@ -100,7 +100,7 @@ def budget_of(
     return Budget(value, model, step, rounding, span, limits, quantity.name, quantity.unit)
 
 
-def _nudged(start: State, by: float) -> State:
+def nudged(start: State, by: float) -> State:
     """A start turned by about `by` rad, and faster by that part."""
     d = start.direction + by * jnp.ones_like(start.direction)
     d = d / jnp.sqrt(d @ d)

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from . import checks
 from .budget import budget_of
 from .chart import AbstractChart, Angles, Director, Embedded, Strains
+from .choice import Plan
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, State, check_start
@@ -99,7 +100,7 @@ def simulate(
     - `ts`: increasing times in s to save at (T,); or `t1`: the end in s, saving it alone (of a run that stops earlier, where
       it stopped: `sol.ts` says when).
     - `tolerance`: relative error of the tip's position after 1,000 axial periods; 1e-8 in float64 (at least 1e-12),
-      1e-4 in float32 (at least 1e-5).
+      1e-4 in float32 (at least 1e-5).  Or what `jaxrod.plan` has found, to follow it: its rung, solver, steps, float type.
     - `chart`: the coordinates to compute in, `Angles()`, `Embedded()` or `Director()`; see `default_chart`.
     - `n_steps`: take so many equal steps instead of adapting them; under a transformation a known number, but of a
       symplectic solver, which takes a traced one too.
@@ -124,6 +125,12 @@ def simulate(
     >>> print(jax.vmap(jax.grad(end))(jax.numpy.array([10.0, 15.0])).round(4))
     [0.099  0.0967]
     """
+    if isinstance(tolerance, Plan):
+        return _follow(
+            tolerance, system, start, t0=t0, ts=ts, t1=t1, chart=chart, solver=solver, dt0=dt0, n_steps=n_steps,
+            stepsize_controller=stepsize_controller, saveat=saveat, event=event, adjoint=adjoint,
+            progress_meter=progress_meter, max_steps=max_steps, budget=budget, throw=throw,
+        )  # fmt: skip
     if not isinstance(system, System | Lagrangian):
         raise ValueError(f"system={system!r} cannot be simulated; give a System, or Lagrangian(function of t, q, v).")
     if isinstance(system, System) != isinstance(start, State):
@@ -214,6 +221,17 @@ def simulate(
         quantity = budget if isinstance(budget, AbstractQuantity) else Measured(budget)
         solution = dataclasses.replace(solution, budget=budget_of(quantity, system, start, solution, again))
     return solution
+
+
+def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, dt0, chart, **others) -> Solution:
+    """A run as planned."""
+    own = {"solver": solver, "n_steps": n_steps, "stepsize_controller": stepsize_controller, "dt0": dt0, "chart": chart}
+    given = [name for name, value in own.items() if value is not None]
+    if given:
+        raise ValueError(f"tolerance= is a plan, which chooses them itself; leave out {', '.join(given)}.")
+    system, start = plan.applied(system, start)
+    end = others["t1"] if others["ts"] is None else others["ts"][-1]
+    return simulate(system, start, **plan.steps(system, start, others["t0"], end), **others)
 
 
 class Reversible(eqx.Module):

@@ -1,0 +1,93 @@
+"""A way to run a scene: rung, solver, steps and float type, chosen for an accuracy."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+
+from .basis import AbstractBasis, QuasiStatic
+from .equations import eigenvalues
+from .ladder import at_rest, on_rung
+from .motion import State
+from .rod import Lumped
+from .system import System
+
+
+class Plan(eqx.Module):
+    """How to run a scene so that a quantity comes out to a tolerance, as `jaxrod.plan` finds it.  It prints itself.
+
+    `met`: whether there is such a way; `basis`, `solver`, `dtype`, and `step` in s or, of a solver that adapts its steps,
+    `tolerance`: that way, or the nearest to it; `n_steps` for the planned time; `error`: the error that is to be expected, in
+    the quantity's `unit`; `cost`: computing time in s of one scene of a sweep, on one core; `why`, a sentence.
+
+    `simulate(system, start, tolerance=plan)` follows it, in other scenes too: these take as many steps to an axial period.
+    """
+
+    met: bool = eqx.field(static=True)
+    basis: AbstractBasis
+    solver: Any
+    dtype: str = eqx.field(static=True)
+    step: float | None = eqx.field(static=True)
+    tolerance: float | None = eqx.field(static=True)
+    axial_rate: float = eqx.field(static=True)
+    n_steps: int = eqx.field(static=True)
+    static: bool = eqx.field(static=True)
+    error: float = eqx.field(static=True)
+    cost: float = eqx.field(static=True)
+    asked: float = eqx.field(static=True)
+    quantity: str = eqx.field(static=True)
+    unit: str = eqx.field(static=True)
+    why: str = eqx.field(static=True)
+
+    def __str__(self):
+        unit = f" {self.unit}" if self.unit else ""
+        if not self.met:
+            return f"{self.quantity} to {self.asked:.0e}{unit}: cannot be met, because {self.why}"
+        steps = f"{self.n_steps} steps" if self.tolerance is None else f"about {self.n_steps} steps that adapt"
+        return (
+            f"{self.quantity} to {self.asked:.0e}{unit}: {named(self.basis)}, {type(self.solver).__name__}, {steps}, {self.dtype}; "
+            f"error {self.error:.1e}{unit}, {1e6 * self.cost:.3g} us of one core a scene; {self.why}"
+        )
+
+    def applied(self, system: System, start: State) -> tuple[System, State]:
+        """The scene and its start on this plan's rung, in its float type.
+
+        **Raises:** `ValueError` if the plan says that the tolerance cannot be met.
+        """
+        if not self.met:
+            raise ValueError(f"tolerance={self}; plan with a larger tolerance.")
+        if not isinstance(system.rod, Lumped):
+            system, start = on_rung(system, start, self.basis)
+        if self.static:
+            start = at_rest(system, start)
+        return in_type(self.dtype, (system, start))
+
+    def steps(self, system: System, start: State, t0, t1) -> dict[str, Any]:
+        """The keywords of `simulate` for solver and steps of a run from t0 to t1, of a scene on this plan's rung."""
+        if self.step is None:
+            return {"tolerance": self.tolerance}
+        slower = self.axial_rate / axial_rate(system, start)
+        steps = jnp.ceil(jax.lax.stop_gradient((t1 - t0) / (self.step * slower)) - 1e-6)
+        return {"solver": self.solver, "n_steps": jnp.maximum(steps, 1)}
+
+
+def axial_rate(system: System, start: State):
+    """What steps are measured by: the lowest axial rate of the rung in rad/s, of a rigid rod that of its turning."""
+    if system.basis.n and not isinstance(system.basis, QuasiStatic):
+        return jnp.sqrt(eigenvalues(system.body)[0])
+    turning = jnp.sqrt(start.direction_rate @ start.direction_rate)
+    weight = 0.0 if system.gravity is None else jnp.sqrt(jnp.sum(system.gravity**2))
+    return turning + jnp.sqrt(weight / system.rod.length)
+
+
+def in_type(dtype: str, tree: Any) -> Any:
+    """The tree with its floats in a type."""
+    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
+
+
+def named(basis: AbstractBasis) -> str:
+    """A basis as one writes it."""
+    if isinstance(basis, QuasiStatic):
+        return f"QuasiStatic({named(basis.basis)})"
+    return f"{type(basis).__name__}({basis.n})" if basis.n else "rigid"

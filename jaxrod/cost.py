@@ -1,0 +1,43 @@
+"""What a run costs: stages, by what a stage was measured to take (`benchmarks/calibration.py` writes the table)."""
+
+import importlib.resources
+import json
+from typing import Any
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+
+from . import checks
+from .basis import QuasiStatic
+from .motion import Driven
+from .symplectic import AbstractSymplectic
+from .system import System
+
+_TABLE = importlib.resources.files(__package__).joinpath("stage_costs.json")
+
+
+def seconds(system: System, solver: diffrax.AbstractSolver, steps: float) -> float:
+    """Computing time of one scene among many, on one core of the machine that the table was measured on."""
+    return 1e-9 * steps * stages(solver) * stage(way_of(system, solver), checks.float_type(system), system.basis.n)
+
+
+def stage(way: str, dtype: Any, n: int) -> float:
+    """Nanoseconds of a stage for each scene, with n strain shapes; between the measured n, in proportion."""
+    counts, ns = zip(*json.loads(_TABLE.read_text())["ns"][way][jnp.dtype(dtype).name], strict=True)
+    beyond = max(n / counts[-1], 1.0)
+    return float(np.interp(n, counts, ns)) * beyond**2
+
+
+def stages(solver: Any) -> int:
+    """Evaluations of the forces in a step."""
+    return len(solver.kicks) if isinstance(solver, AbstractSymplectic) else solver.tableau.num_stages
+
+
+def way_of(system: System, solver: diffrax.AbstractSolver) -> str:
+    """The kind of step, as the table has it."""
+    if not isinstance(solver, AbstractSymplectic):
+        return "condensed" if isinstance(system.basis, QuasiStatic) else "adaptive"
+    if isinstance(system.motion, Driven):
+        return "prescribed"
+    return "flat" if system.splits_flat and not solver.small_kicks else "axial"

@@ -1,0 +1,286 @@
+"""`plan`: the cheapest way to a number that is good enough, found by trying.
+
+1. *What is true?*  Rungs of more and more shapes, until two of them agree to a part of the tolerance.  Where they never do
+   (kinks that travel along the rod), or where rounding alone would grow beyond the tolerance, it cannot be met.
+2. *Which rung?*  The cheapest that differs from it by less than half the tolerance.  Rigid and condensed rods are tried only
+   where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a rigid rod is off
+   by 2 delta omega T, and one whose strain follows its loads by 3/2 delta^2 omega T + 2 delta^(3/2).
+3. *Which steps?*  For each solver and float type the fewest with which the rung comes out to three tenths of the tolerance,
+   sought by the order of the method.  What a stage costs is measured once, by `benchmarks/calibration.py`.
+"""
+
+import math
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from . import checks, continuum, cost
+from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from .budget import nudged
+from .choice import Plan, axial_rate, in_type, named
+from .ladder import at_rest, on_rung
+from .load_basis import LoadRitz
+from .motion import Driven, Flight, State
+from .quantity import AbstractQuantity, FinalAngle, FinalTip, Measured
+from .rod import Lumped
+from .simulation import default_solver, simulate
+from .stepping import LEAST_TOLERANCE
+from .symplectic import ABA864, AbstractSymplectic, StormerVerlet
+from .system import System
+
+_CONDENSED: Any = QuasiStatic  # its `n` is a property, which type checkers take for an argument
+_SHAPES = (2, 3, 4, 6, 9, 12)  # of the rungs above uniform strain; from four on they may stand for the truth
+_AGREED = 0.1  # of the tolerance: two rungs that differ by less have come to the true answer
+_FOR_MODEL, _FOR_STEPS = 0.5, 0.3  # shares of the tolerance
+_HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
+_FINE = 1e-11  # tolerance of the runs that a rung is judged by
+_LOOSE = 1e-4  # tolerance that the search begins with, of solvers that adapt their steps
+_NUDGE = 1e-7
+_TRIES = 8  # step counts of one solver and type
+_NEAR = 1.5  # a step count within this factor of one too few is good enough
+_BESIDE = 1.07
+_MOST_STEPS = 2**24
+
+
+class _Rung(NamedTuple):
+    """A scene with a basis, its start, the quantity by fine steps, and how many these were."""
+
+    basis: AbstractBasis
+    system: System
+    start: State
+    value: np.ndarray
+    fine_steps: float
+
+
+class _Way(NamedTuple):
+    """Solver, type and steps on a rung; `setting` is their number or, of a solver that adapts them, the tolerance."""
+
+    rung: _Rung
+    solver: Any
+    dtype: str
+    steps: int
+    setting: float
+    off: float
+    cost: float
+
+
+def plan(
+    system: System,
+    start: State,
+    *,
+    t1: float,
+    tolerance: float,
+    quantity: Any = None,
+    t0: float = 0.0,
+    static: bool = False,
+) -> Plan:
+    """The cheapest rung, solver, steps and float type with which a quantity of this scene is good to `tolerance`.
+
+    **Arguments:**
+
+    - `system`, `start`: the scene; of its basis only the start's strain is read, as other rungs take the nearest one.
+    - `t0`, `t1`: when it begins and ends, in s.
+    - `tolerance`: the largest error of the quantity, in its unit.
+    - `quantity`: what is asked, such as `jaxrod.FinalTip()` (the default), or a function of a solution.
+    - `static`: start the rod stretched as it is at rest in its spin and gravity, on each rung by that rung's own strain.
+
+    **Returns:** a `Plan`; `simulate(system, start, tolerance=plan)` follows it, under `sweep` too.  If none is found, its
+    `met` is false and `why` says what stands in the way.
+
+    **Raises:** `ValueError` if the tolerance is not positive, or numbers of the scene are traced.
+
+    It takes ten to fifty runs of the scene, and compiles the rungs that it tries: seconds, or a minute for the first scene
+    of a kind.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.01), young=2e11, density=7800.0)
+    >>> system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    >>> found = jaxrod.plan(system, system.state(), t1=1.0, tolerance=1e-3)
+    >>> print(found.met, found.basis.n)
+    True 0
+    """
+    if not all(map(checks.known, jax.tree.leaves((system, start)))):
+        raise ValueError("the scene is traced; plan one like it before, and follow that plan by tolerance=plan.")
+    tolerance = float(checks.positive("tolerance", tolerance, "the quantity's unit"))
+    quantity = FinalTip() if quantity is None else quantity
+    quantity = quantity if isinstance(quantity, AbstractQuantity) else Measured(quantity)
+    system, start = in_type("float64", (system, start))
+    return _Search(system, start, quantity, t0, quantity.times(t0, t1), static, tolerance).plan()
+
+
+class _Search:
+    """The scene, what is asked of it, and the rungs that were tried."""
+
+    def __init__(
+        self, system: System, start: State, quantity: AbstractQuantity, t0, ts, static: bool, tolerance: float
+    ):
+        self.system, self.start, self.quantity = system, start, quantity
+        self.t0, self.ts, self.static, self.tolerance = t0, ts, static, tolerance
+        self.tried: dict[str, _Rung] = {}
+        # Shapes that loads make have no tension at a free tip, which a force there would want.
+        self.family = ForceRitz if system.forces else LoadRitz
+
+    def plan(self) -> Plan:
+        truth, apart = self.truth()
+        rounding = self.rounding(truth)
+        unit, nearest = self.quantity.unit, _Way(truth, None, "float64", 0, 0.0, 0.0, math.inf)
+        if not apart <= _FOR_MODEL * self.tolerance:
+            why = f"{named(truth.basis)} and the rung below it differ by {apart:.1e} {unit}"
+            return self.planned(nearest, apart, False, why)
+        if not rounding <= _FOR_STEPS * self.tolerance:
+            return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
+        ways = []
+        for rung in self.rungs(truth):
+            known = _apart(rung.value, truth.value) + apart
+            if known > _FOR_MODEL * self.tolerance:
+                continue
+            ways += [(way, known) for way in self.ways(rung, rounding)]
+            if ways and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
+                break  # none is cheaper than a rigid rod, and more shapes cost more
+        if not ways:
+            return self.planned(nearest, apart, False, "no number of steps was found that reaches it")
+        way, known = min(ways, key=lambda found: found[0].cost)
+        why = f"{known:.1e} {unit} from {named(truth.basis)}, with which that below it agrees".replace("  ", " ")
+        return self.planned(way, known + way.off + rounding, True, why)
+
+    def truth(self) -> tuple[_Rung, float]:
+        """The first rung with the answer of the one below it, and how far they are apart."""
+        if isinstance(self.system.rod, Lumped):
+            return self.rung(self.system.basis), 0.0
+        below, rung, apart = None, None, math.inf
+        for n in _SHAPES[2:]:
+            below, rung = rung, self.rung(self.family(n))
+            apart = math.inf if below is None else _apart(rung.value, below.value)
+            if apart <= _AGREED * self.tolerance:
+                break
+        assert rung is not None
+        return rung, apart
+
+    def rounding(self, truth: _Rung) -> float:
+        """By how much the rounding of the start and of each step moves the answer."""
+        moved = self.run(truth.system, nudged(truth.start, _NUDGE), tolerance=_FINE)[0]
+        growth = np.abs(moved - truth.value) / _NUDGE + np.abs(truth.value)
+        return float(np.finfo(np.float64).eps * np.sqrt(1 + truth.fine_steps) * np.max(growth))
+
+    def rungs(self, truth: _Rung) -> Iterator[_Rung]:
+        """Those with a chance, the cheapest first."""
+        if isinstance(self.system.rod, Lumped):
+            yield truth
+            return
+        condensed = not isinstance(self.system.motion, Driven)  # driven, a condensed rod has nothing to move
+        rigid, following = self.closed_forms()
+        if rigid <= _HOPELESS * self.tolerance:
+            yield self.rung(Ritz(0))
+        if condensed and following <= _HOPELESS * self.tolerance:
+            yield self.rung(_CONDENSED(LoadRitz(2)))
+        yield from map(self.rung, (Ritz(1), ForceRitz(1)))
+        yield from (self.rung(self.family(n)) for n in _SHAPES if n <= truth.basis.n)
+
+    def closed_forms(self) -> tuple[float, float]:
+        """Errors to be expected of a rigid rod and of a strain that follows its loads; zero where no closed form says."""
+        if self.static or not isinstance(self.quantity, FinalAngle | FinalTip):
+            return 0.0, 0.0
+        system, start = self.system, self.start
+        free = system.gravity is None or isinstance(system.motion, Driven | Flight)
+        weight = 0.0 if free else float(jnp.sqrt(jnp.sum(system.gravity**2)))
+        turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + 3 * weight / float(system.rod.length))
+        delta = (turning / (2 * math.pi * float(continuum.natural_frequencies(system, 1)[0]))) ** 2
+        angle = turning * float(self.ts[-1] - self.t0)
+        arm = float(system.rod.length) if isinstance(self.quantity, FinalTip) else 1.0
+        return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)
+
+    def rung(self, basis: AbstractBasis) -> _Rung:
+        if named(basis) not in self.tried:
+            system, start = self.system, self.start
+            if not isinstance(system.rod, Lumped):
+                system, start = on_rung(system, start, basis)
+            if self.static:
+                start = at_rest(system, start)
+            self.tried[named(basis)] = _Rung(basis, system, start, *self.run(system, start, tolerance=_FINE))
+        return self.tried[named(basis)]
+
+    def ways(self, rung: _Rung, rounding: float) -> Iterator[_Way]:
+        """By each solver and float type the fewest steps that are enough."""
+        best = default_solver(rung.system)
+        solvers = [best]
+        if isinstance(best, AbstractSymplectic):
+            solvers += [StormerVerlet(), *([ABA864()] if rung.system.splits_flat else [])]
+        narrow = rounding * float(np.finfo(np.float32).eps / np.finfo(np.float64).eps)
+        types = ["float64", *(["float32"] if narrow <= _FOR_STEPS * self.tolerance else [])]
+        for dtype in types:
+            for solver in solvers:
+                way = self.fewest(rung, solver, dtype)
+                if way is not None:
+                    yield way
+
+    def fewest(self, rung: _Rung, solver: Any, dtype: str) -> _Way | None:
+        """The fewest steps with which the rung comes out to its share of the tolerance, sought by the order of the method."""
+        equal, order, enough = isinstance(solver, AbstractSymplectic), solver.order(None), _FOR_STEPS * self.tolerance
+        least, steps = (float(self.ts.size), rung.fine_steps / 8) if equal else (1.0, _LOOSE ** (-1 / order))
+        found, fewest, failed = None, math.inf, 0.0
+        for _ in range(_TRIES):
+            steps = max(steps, least)
+            way = self.tried_way(rung, solver, dtype, steps, order)
+            # A zero of the error, between two signs of it, would pass for a small one.
+            good = way.off <= enough and self.tried_way(rung, solver, dtype, _BESIDE * steps, order).off <= enough
+            if good:
+                found, fewest = way, steps
+            else:
+                failed = steps
+            if fewest <= max(_NEAR * failed, least) or failed > _MOST_STEPS:
+                break
+            if found is not None and failed:
+                steps = math.sqrt(failed * fewest)
+                continue
+            factor = 1.1 * (way.off / enough) ** (1 / order) if math.isfinite(way.off) else 4.0
+            steps *= min(max(factor, 1 / 8), 1 / 1.2) if good else min(max(factor, 1.3), 8.0)
+        return found
+
+    def tried_way(self, rung: _Rung, solver: Any, dtype: str, steps: float, order: int) -> _Way:
+        """One run.  Of a solver that adapts its steps `steps` stands for the tolerance, with whose power their number grows."""
+        system, start = in_type(dtype, (rung.system, rung.start))
+        if isinstance(solver, AbstractSymplectic):
+            setting = float(round(steps))
+            value, taken = self.run(system, start, solver=solver, n_steps=round(steps))
+        else:
+            setting = max(steps**-order, LEAST_TOLERANCE[dtype])
+            value, taken = self.run(system, start, tolerance=setting)
+        return _Way(
+            rung, solver, dtype, int(taken), setting, _apart(value, rung.value), cost.seconds(system, solver, taken)
+        )
+
+    def run(self, system: System, start: State, **how) -> tuple[np.ndarray, float]:
+        """The quantity, NaN if the run does not reach its end, and the number of steps."""
+        ts = self.ts.astype(start.direction.dtype)
+        sol = simulate(system, start, t0=self.t0, ts=ts, throw=False, max_steps=_MOST_STEPS, **how)
+        value = np.asarray(self.quantity(sol), float)
+        return np.where(bool(sol.ok), value, np.nan), float(sol.stats["num_steps"])
+
+    def planned(self, way: _Way, error: float, met: bool, why: str) -> Plan:
+        rung, duration = way.rung, float(self.ts[-1] - self.t0)
+        equal = isinstance(way.solver, AbstractSymplectic)
+        return Plan(
+            met=met,
+            basis=rung.basis,
+            solver=way.solver,
+            dtype=way.dtype,
+            step=duration / way.setting if equal else None,
+            tolerance=None if equal else way.setting,
+            axial_rate=float(axial_rate(rung.system, rung.start)),
+            n_steps=way.steps,
+            static=self.static,
+            error=error,
+            cost=way.cost,
+            asked=self.tolerance,
+            quantity=self.quantity.name,
+            unit=self.quantity.unit,
+            why=why,
+        )
+
+
+def _apart(a: Any, b: Any) -> float:
+    """The largest difference; inf where there is none to be seen."""
+    return float(np.nan_to_num(np.max(np.abs(np.asarray(a) - np.asarray(b))), nan=np.inf))
