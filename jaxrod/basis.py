@@ -206,11 +206,10 @@ class QuasiStatic(AbstractBasis):
 
     basis: AbstractBasis
 
-    def __check_init__(self):
-        if not isinstance(self.basis, AbstractBasis) or isinstance(self.basis, QuasiStatic) or self.basis.n < 1:
-            raise ValueError(
-                f"QuasiStatic(basis={self.basis!r}) has no strain to condense; give a basis such as Ritz(3)."
-            )
+    def __init__(self, basis: AbstractBasis):
+        if not isinstance(basis, AbstractBasis) or isinstance(basis, QuasiStatic) or basis.n < 1:
+            raise ValueError(f"QuasiStatic(basis={basis!r}) has no strain to condense; give a basis such as Ritz(3).")
+        self.basis = basis
 
     @property
     def n(self):

@@ -44,9 +44,9 @@ class Plan(eqx.Module):
         unit = f" {self.unit}" if self.unit else ""
         if not self.met:
             return f"{self.quantity} to {self.asked:.0e}{unit}: cannot be met, because {self.why}"
-        steps = f"{self.n_steps} steps" if self.tolerance is None else f"about {self.n_steps} steps that adapt"
+        steps = f"{self.n_steps} steps{' that adapt' * (self.step is None)} of {type(self.solver).__name__}"
         return (
-            f"{self.quantity} to {self.asked:.0e}{unit}: {named(self.basis)}, {type(self.solver).__name__}, {steps}, {self.dtype}; "
+            f"{self.quantity} to {self.asked:.0e}{unit}: {named(self.basis)}, {steps}, {self.dtype}; "
             f"error {self.error:.1e}{unit}, {1e6 * self.cost:.3g} us of one core a scene; {self.why}"
         )
 

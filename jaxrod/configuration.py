@@ -103,7 +103,7 @@ def _find_extremes_without_pairs() -> None:
     def lowered(largest):
         def place(x, *, axes, index_dtype, **_):
             best = largest(x, axis=axes, keepdims=True)
-            found = (x == best) | (x != x)  # NaN wins  # noqa: PLR0124
+            found = (x == best) | (x != x)  # NaN wins
             places = jax.lax.broadcasted_iota(index_dtype, x.shape, axes[0])
             return jax.numpy.where(found, places, jax.numpy.iinfo(index_dtype).max).min(axes)
 

@@ -14,7 +14,7 @@ from .motion import Driven
 from .symplectic import AbstractSymplectic
 from .system import System
 
-_TABLE = importlib.resources.files(__package__).joinpath("stage_costs.json")
+_TABLE = importlib.resources.files("jaxrod").joinpath("stage_costs.json")
 
 
 def seconds(system: System, solver: diffrax.AbstractSolver, steps: float) -> float:

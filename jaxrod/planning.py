@@ -31,7 +31,6 @@ from .stepping import LEAST_TOLERANCE
 from .symplectic import ABA864, AbstractSymplectic, StormerVerlet
 from .system import System
 
-_CONDENSED: Any = QuasiStatic  # its `n` is a property, which type checkers take for an argument
 _SHAPES = (2, 3, 4, 6, 9, 12)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: two rungs that differ by less have come to the true answer
 _FOR_MODEL, _FOR_STEPS = 0.5, 0.3  # shares of the tolerance
@@ -175,7 +174,7 @@ class _Search:
         if rigid <= _HOPELESS * self.tolerance:
             yield self.rung(Ritz(0))
         if condensed and following <= _HOPELESS * self.tolerance:
-            yield self.rung(_CONDENSED(LoadRitz(2)))
+            yield self.rung(QuasiStatic(LoadRitz(2)))
         yield from map(self.rung, (Ritz(1), ForceRitz(1)))
         yield from (self.rung(self.family(n)) for n in _SHAPES if n <= truth.basis.n)
 
@@ -184,8 +183,9 @@ class _Search:
         if self.static or not isinstance(self.quantity, FinalAngle | FinalTip):
             return 0.0, 0.0
         system, start = self.system, self.start
-        free = system.gravity is None or isinstance(system.motion, Driven | Flight)
-        weight = 0.0 if free else float(jnp.sqrt(jnp.sum(system.gravity**2)))
+        weight = 0.0
+        if system.gravity is not None and not isinstance(system.motion, Driven | Flight):
+            weight = float(jnp.sqrt(jnp.sum(system.gravity**2)))
         turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + 3 * weight / float(system.rod.length))
         delta = (turning / (2 * math.pi * float(continuum.natural_frequencies(system, 1)[0]))) ** 2
         angle = turning * float(self.ts[-1] - self.t0)
@@ -218,7 +218,11 @@ class _Search:
 
     def fewest(self, rung: _Rung, solver: Any, dtype: str) -> _Way | None:
         """The fewest steps with which the rung comes out to its share of the tolerance, sought by the order of the method."""
-        equal, order, enough = isinstance(solver, AbstractSymplectic), solver.order(None), _FOR_STEPS * self.tolerance
+        equal, order, enough = (
+            isinstance(solver, AbstractSymplectic),
+            solver.order(None) or 1,
+            _FOR_STEPS * self.tolerance,
+        )
         least, steps = (float(self.ts.size), rung.fine_steps / 8) if equal else (1.0, _LOOSE ** (-1 / order))
         found, fewest, failed = None, math.inf, 0.0
         for _ in range(_TRIES):

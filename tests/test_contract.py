@@ -51,6 +51,7 @@ NAMES = [
     "ModelLimits",
     "Modes",
     "PivotFriction",
+    "Plan",
     "Positive",
     "Profile",
     "QuasiStatic",
@@ -91,6 +92,7 @@ NAMES = [
     "modes",
     "natural_frequencies",
     "paper",
+    "plan",
     "plot",
     "scenes",
     "simulate",
@@ -120,7 +122,7 @@ def test_no_name_that_is_not_there():
 
 
 def _python(program):
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
     assert run.returncode == 0, run.stderr
     return run.stdout.splitlines()
 
@@ -132,6 +134,37 @@ def test_import_imports_nothing():
         "print(before == dict(os.environ))"
     )
     assert said == ["[]", "True"]
+
+
+def test_places_of_extremes():
+    """Two `argmax` of like shape, which ended the process on jaxlib 0.10, and the first of equals, NaN before all."""
+    said = _python(
+        "import jaxrod; jaxrod.configure(cache=None)\n"
+        "import jax, jax.numpy as jnp, numpy as np\n"
+        "x = np.array([[1.0, 3, 3], [np.nan, 5, np.nan], [-np.inf, -np.inf, 0], [2, np.inf, np.nan]])\n"
+        "both = jax.jit(lambda x: [jnp.argmax(k * x, 1) for k in (1.0, 2.0, -1.0)] + [jnp.argmin(x, 1), jnp.argmax(x)])\n"
+        "print(all(np.array_equal(a, b) for a, b in zip(both(x), [*(np.argmax(k * x, 1) for k in (1, 2, -1)), "
+        "np.argmin(x, 1), np.argmax(x)])))"
+    )
+    assert said == ["True"]
+
+
+@pytest.mark.slow
+def test_several_runs_in_one_sweep_as_users_compile_them():
+    """With XLA's optimizations, which the other tests are without: three runs of a rung in one program."""
+    program = (
+        "import os; os.environ.pop('XLA_FLAGS', None)\n"
+        "import jaxrod; jaxrod.configure(cache=None)\n"
+        "import dataclasses, jax.numpy as jnp\n"
+        "rod = jaxrod.Rod(1.0, jaxrod.Cone(0.03, 0.01), young=1e7, density=1200.0)\n"
+        "def tips(x, steps=None):\n"
+        "    stiffer = dataclasses.replace(rod, young=rod.young * (1 + x))\n"
+        "    system = jaxrod.System(stiffer, jaxrod.Rotation(), jaxrod.Ritz(3), 9.81)\n"
+        "    return jaxrod.simulate(system, system.state(rate=5.0), t1=0.05, n_steps=steps, throw=False).tip[-1]\n"
+        "a, b, c = jaxrod.sweep(lambda x: (tips(x), tips(x, 400), tips(x + 0.5)), jnp.linspace(0, 1, 100))\n"
+        "print(float(jnp.max(jnp.abs(a - b))) < 1e-9, float(jnp.max(jnp.abs(a[50:] - c[:50]))) < 0.05)"
+    )
+    assert _python(program) == ["True True"]
 
 
 def test_names_set_nothing():

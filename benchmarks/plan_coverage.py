@@ -1,0 +1,187 @@
+"""Are plans kept?  Random scenes, each planned for several tolerances, against a search of everything.
+
+    python benchmarks/plan_coverage.py --scenes 200 --seed 2
+
+Kept: the planned run's error, from 16 shapes, is no larger than the tolerance.  Cheapest: over all rungs, solvers, float
+types and step counts (in factors of 1.4; of two neighbours both must do), stages x measured time of a stage.  Writes the
+part "coverage" of docs/accuracy_of_plans.md.
+"""
+
+import argparse
+import math
+from typing import Any, NamedTuple
+
+import jaxrod
+
+jaxrod.configure()
+
+import diffrax  # noqa: E402
+import jax.numpy as jnp  # noqa: E402
+import numpy as np  # noqa: E402
+import report  # noqa: E402
+from calibration import PAGE  # noqa: E402
+from tqdm import tqdm  # noqa: E402
+
+from jaxrod import cost  # noqa: E402
+from jaxrod.choice import in_type  # noqa: E402
+from jaxrod.ladder import on_rung  # noqa: E402
+
+TOLERANCES = (1e-2, 1e-4, 1e-6)
+TRUTH, CHECK = jaxrod.LoadRitz(16), jaxrod.LoadRitz(12)
+RUNGS = [
+    jaxrod.Ritz(0), jaxrod.QuasiStatic(jaxrod.LoadRitz(2)), jaxrod.Ritz(1), jaxrod.ForceRitz(1),
+    *(jaxrod.LoadRitz(n) for n in (2, 3, 4, 6, 9, 12)),
+]  # fmt: skip
+QUANTITIES = (jaxrod.FinalTip(), jaxrod.FinalAngle(), jaxrod.LargestStrain())
+SOLVED = 1 / 3  # of a tolerance: the truth must be known better
+FINER = math.sqrt(2)
+
+
+class Drawn(NamedTuple):
+    kind: str
+    system: jaxrod.System
+    start: Any
+    t1: float
+    quantity: Any
+
+
+def drawn(rng: np.random.Generator, index: int) -> Drawn:
+    """Stiff and soft cones, from a thousandth to a third of their critical spin, one to two hundred axial periods."""
+    kind, quantity = ("rotation", "spherical", "flight", "driven")[index % 4], QUANTITIES[index // 4 % 3]
+    tip = 0.02 * 2 ** rng.uniform(-1, 1)
+    rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), young=10 ** rng.uniform(6, 11), density=1200.0)
+    first = 2 * np.pi * float(jaxrod.continuum.natural_frequencies(jaxrod.System(rod, jaxrod.Rotation()), 1)[0])
+    spin, t1 = first * 10 ** rng.uniform(-3, -0.5), 2 * np.pi / first * 10 ** rng.uniform(0, 2.3)
+    gravity = 9.81 if rng.uniform() < 0.5 and kind != "flight" else None
+    if kind == "driven":
+        system = jaxrod.System(rod, jaxrod.scenes.steady(jnp.asarray(spin)), jaxrod.Ritz(1), gravity)
+        return Drawn(kind, system, system.state(), t1, quantity if quantity != QUANTITIES[1] else QUANTITIES[0])
+    motion = {"rotation": jaxrod.Rotation(), "spherical": jaxrod.Spherical(), "flight": jaxrod.Flight()}[kind]
+    system = jaxrod.System(rod, motion, jaxrod.Ritz(1), gravity)
+    more = {"azimuth_rate": spin * rng.uniform(0, 1)} if kind == "spherical" else {}
+    return Drawn(kind, system, system.state(angle=rng.uniform(-1, 1), rate=spin, **more), t1, quantity)
+
+
+def value(scene: Drawn, system, start, **how) -> tuple[np.ndarray, float]:
+    """What is asked, NaN where the run does not reach its end, and the steps."""
+    ts = scene.quantity.times(0.0, scene.t1).astype(start.direction.dtype)
+    sol = jaxrod.simulate(system, start, ts=ts, throw=False, max_steps=2**24, **how)
+    found = np.asarray(scene.quantity(sol), float)
+    return np.where(bool(sol.ok), found, np.nan), float(sol.stats["num_steps"])
+
+
+def off(a, b) -> float:
+    return float(np.nan_to_num(np.max(np.abs(a - b)), nan=np.inf))
+
+
+def cheapest(scene: Drawn, truth) -> dict[float, float]:
+    """Of all ways, for each tolerance the least cost in s; inf where none does."""
+    best = dict.fromkeys(TOLERANCES, np.inf)
+    for basis in RUNGS:
+        if scene.kind == "driven" and isinstance(basis, jaxrod.QuasiStatic):
+            continue
+        here = on_rung(scene.system, scene.start, basis)
+        fine, fine_steps = value(scene, *here, tolerance=1e-11)
+        if off(fine, truth) > max(tolerance for tolerance in TOLERANCES):
+            continue
+        solver = jaxrod.default_solver(here[0])
+        if isinstance(solver, diffrax.Dopri8):
+            ways = [(solver, dtype) for dtype in ("float64", "float32")]
+        else:
+            solvers = [solver, jaxrod.StormerVerlet(), *([jaxrod.ABA864()] if here[0].splits_flat else [])]
+            ways = [(solver, dtype) for dtype in ("float64", "float32") for solver in solvers]
+        for solver, dtype in ways:
+            search(scene, in_type(dtype, here), solver, fine_steps, truth, best)
+    return best
+
+
+def search(scene: Drawn, here: tuple, solver, fine_steps: float, truth, best: dict[float, float]) -> None:
+    """More and more steps, until none can be cheaper than what was found."""
+    system, start = here
+    single = start.direction.dtype == jnp.float32
+    saved, before = scene.quantity.times(0.0, 1.0).size, np.inf
+    if isinstance(solver, diffrax.Dopri8):
+        settings = [{"tolerance": 10.0**-k} for k in range(0, 6 if single else 13)]
+    else:
+        counts = saved * FINER ** np.arange(60)
+        settings = [{"solver": solver, "n_steps": round(n)} for n in counts if n < max(10 * fine_steps, 2 * saved)]
+    lost = 0
+    for how in settings:
+        found, steps = value(scene, system, start, **how)
+        error, spent = off(found, truth), cost.seconds(system, solver, steps)
+        if all(spent > best[tolerance] for tolerance in TOLERANCES if tolerance >= 1e-6):
+            return
+        for tolerance in TOLERANCES:
+            if error <= tolerance and before <= FINER**4 * tolerance:
+                best[tolerance] = min(best[tolerance], spent)
+        lost = lost + 1 if error >= 0.9 * before else 0  # no longer the steps' error
+        if lost > 4 and np.isfinite(error):
+            return
+        before = error
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--scenes", type=int, default=200)
+    parser.add_argument("--seed", type=int, default=2)
+    arguments = parser.parse_args()
+    rng = np.random.default_rng(arguments.seed)
+    found = []
+    for index in tqdm(range(arguments.scenes), unit=" scenes"):
+        scene = drawn(rng, index)
+        truth, check = (
+            value(scene, *on_rung(scene.system, scene.start, basis), tolerance=1e-12)[0] for basis in (TRUTH, CHECK)
+        )
+        least = None
+        for tolerance in TOLERANCES:
+            if off(truth, check) > SOLVED * tolerance and off(truth, check) < 3 * tolerance:
+                continue  # it cannot be told
+            least = cheapest(scene, truth) if least is None else least
+            plan = jaxrod.plan(scene.system, scene.start, t1=scene.t1, tolerance=tolerance, quantity=scene.quantity)
+            error = off(value(scene, scene.system, scene.start, tolerance=plan)[0], truth) if plan.met else np.nan
+            found.append((scene.kind, tolerance, plan, error, least[tolerance]))
+            broken = plan.met and not (error <= tolerance and plan.cost <= 3 * least[tolerance])
+            if broken or (not plan.met and np.isfinite(least[tolerance])):
+                tqdm.write(f"{index} {scene.kind} error {error:.1e}, least {1e6 * least[tolerance]:.3g} us: {plan}")
+    write(found, arguments)
+
+
+def write(found: list, arguments) -> None:
+    rows = []
+    groups = [("all", found)]
+    groups += [(kind, [x for x in found if x[0] == kind]) for kind in ("rotation", "spherical", "flight", "driven")]
+    groups += [(f"{tolerance:.0e}", [x for x in found if x[1] == tolerance]) for tolerance in TOLERANCES]
+    for name, group in groups:
+        met = [x for x in group if x[2].met]
+        unmet = [x for x in group if not x[2].met]
+        kept = sum(error <= tolerance for _, tolerance, _, error, _ in met)
+        cheap = sum(plan.cost <= 3 * least for _, _, plan, _, least in met)
+        right = sum(not np.isfinite(least) for *_, least in unmet)
+        ratios = [plan.cost / least for _, _, plan, _, least in met if np.isfinite(least)]
+        rows.append([
+            name, str(len(group)), share(kept, len(met)), share(cheap, len(met)),
+            f"{np.median(ratios):.2f}, {max(ratios):.1f}" if ratios else "-", share(right, len(unmet)),
+        ])  # fmt: skip
+    head = (
+        f"## Plans for random scenes\n\n`python benchmarks/plan_coverage.py --scenes {arguments.scenes} --seed "
+        f"{arguments.seed}`: scenes of all motions, each planned for 1e-2, 1e-4 and 1e-6 of tip, angle or largest strain. "
+        "The error is from 16 shapes, the cheapest from a search of all rungs, solvers, types and step counts. "
+        "\n\n"
+    )
+    columns = [
+        "scenes",
+        "plans",
+        "kept of the promised",
+        "within 3x of the cheapest",
+        "cost over it: median, most",
+        "rightly refused",
+    ]
+    report.write("coverage", head + report.table(columns, rows), PAGE)
+
+
+def share(part: int, whole: int) -> str:
+    return f"{part} of {whole} ({100 * part / whole:.1f} %)" if whole else "-"
+
+
+if __name__ == "__main__":
+    main()
