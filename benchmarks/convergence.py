@@ -8,11 +8,8 @@ steady stretch of a spinning rod.  Writes accuracy.md and convergence.png to the
 
 import argparse
 import dataclasses
-import datetime
 import functools
-import importlib.metadata
 import pathlib
-import platform
 from typing import NamedTuple
 
 import jaxrod
@@ -22,6 +19,7 @@ jaxrod.configure()
 import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
+import report  # noqa: E402
 import scipy.optimize  # noqa: E402
 from matplotlib.figure import Figure  # noqa: E402
 
@@ -266,40 +264,36 @@ def main() -> None:
     scenes = list(cases())
     exact = np.array([exact_frequencies(scene.system) for scene in scenes])
     errors = measure(scenes, exact)
-    versions = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in ("jaxrod", "jax", "equinox"))
     text = "\n\n".join(
         [
-            "# Accuracy: how many shapes does a rod need?",
-            "Written by `python benchmarks/convergence.py` on "
-            f"{datetime.date.today()}, Python {platform.python_version()}, {versions}, {platform.machine()}, float64. "
-            "`jaxrod.natural_frequencies` of a basis with n shapes against `jaxrod.continuum.natural_frequencies`, the "
+            "## How many shapes does a rod need?",
+            "`python benchmarks/convergence.py`: `jaxrod.natural_frequencies` of a basis with n shapes against `jaxrod.continuum.natural_frequencies`, the "
             f"rod held at its root by `Rotation()` unless said. {LENGTH:g} m, {YOUNG:g} Pa, {DENSITY:g} kg/m³; cones by "
             "tip : root radius, steps 4 : 1 in area in the middle, the measured radii from `notebooks/measured_radii.csv`.",
             "![Errors against the number of shapes](convergence.png)",
             "Strong lines and marks f1, pale lines f2 and f3; dotted 1e-6. `Ritz` and `ForceRitz` coincide on a uniform rod.",
-            "## What to choose",
+            "### What to choose",
             choice(scenes, errors),
             "`LoadRitz` follows what inertia does, and its tension ends in zero at a free tip: for a `TipForce` take "
             "`ForceRitz`, whose first shape is its static answer. For slow, steady loads compare the table of spin at the end.",
-            "## The reference against closed forms",
+            "### The reference against closed forms",
             "Roots r of the rod held and R free: κ cot κ = 1 − r / R, with κ = ω length / √(E / ρ); body of mass M at the "
             "tip of a uniform rod of mass m: κ tan κ = m / M; step in the middle: tan²(κ / 2) = A_root / A_tip; a pivot "
             "inside holds two rods. Solved by bracketing, apart from this library.",
             closed_forms(scenes, exact),
-            "## Errors of f1, f2, f3",
+            "### Errors of f1, f2, f3",
             f"Relative. Then the smallest n whose error is at most {WANTED:.0e}, and the decades that a shape adds: least "
             f"squares of log10(error) against n, down to the first below {FLOOR:.0e}.",
             table(scenes, errors),
-            "## Spin",
+            "### Spin",
             "Relative error of the tip's steady stretch, `jaxrod.equilibrium(system, spin=...)` without gravity against "
             "`jaxrod.continuum.steady_spin`, at parts of the exact critical rate.",
             spin(),
         ]
     )
     arguments.out.mkdir(parents=True, exist_ok=True)
-    (arguments.out / "accuracy.md").write_text(text + "\n", encoding="utf-8")
+    report.write("shapes", text, arguments.out / "accuracy.md")
     picture(scenes, errors).savefig(arguments.out / "convergence.png", dpi=130)
-    print(text)
 
 
 if __name__ == "__main__":

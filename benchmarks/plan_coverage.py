@@ -25,6 +25,7 @@ from tqdm import tqdm  # noqa: E402
 from jaxrod import cost  # noqa: E402
 from jaxrod.choice import in_type  # noqa: E402
 from jaxrod.ladder import on_rung  # noqa: E402
+from jaxrod.planning import solvers  # noqa: E402
 
 TOLERANCES = (1e-2, 1e-4, 1e-6)
 TRUTH, CHECK = jaxrod.LoadRitz(16), jaxrod.LoadRitz(12)
@@ -84,14 +85,10 @@ def cheapest(scene: Drawn, truth) -> dict[float, float]:
         fine, fine_steps = value(scene, *here, tolerance=1e-11)
         if off(fine, truth) > max(tolerance for tolerance in TOLERANCES):
             continue
-        solver = jaxrod.default_solver(here[0])
-        if isinstance(solver, diffrax.Dopri8):
-            ways = [(solver, dtype) for dtype in ("float64", "float32")]
-        else:
-            solvers = [solver, jaxrod.StormerVerlet(), *([jaxrod.ABA864()] if here[0].splits_flat else [])]
-            ways = [(solver, dtype) for dtype in ("float64", "float32") for solver in solvers]
-        for solver, dtype in ways:
-            search(scene, in_type(dtype, here), solver, fine_steps, truth, best)
+        for dtype in ("float64", "float32"):
+            there = in_type(dtype, here)
+            for solver in solvers(there[0]):
+                search(scene, there, solver, fine_steps, truth, best)
     return best
 
 

@@ -42,6 +42,8 @@ from .motion import Flight as Flight
 from .motion import Rotation as Rotation
 from .motion import Spherical as Spherical
 from .motion import State as State
+from .multistep import QuinlanTremaine10 as QuinlanTremaine10
+from .multistep import QuinlanTremaine12 as QuinlanTremaine12
 from .planning import plan as plan
 from .predictability import Horizon as Horizon
 from .predictability import horizon as horizon

@@ -23,6 +23,7 @@ from .splitting import (
     Split,
     Stage,
     held,
+    least,
     lowest,
     per_inertia,
     watched,
@@ -116,10 +117,12 @@ class AbstractOscillating(AbstractSplit):
     def _drift(self, circle, t, y: Split) -> Split:
         """y after a drift for a time t, in which the oscillators turn as `circle` knows."""
 
-    def opened(self, scheme, table, h, y):
+    def opened(self, scheme, table, t, h, y):
+        del t
         return self._drift(table[1], scheme.drifts[0] * h, y)
 
-    def closed(self, scheme, table, h, y):
+    def closed(self, scheme, table, t, h, y):
+        del t
         return self.settled(self._drift(_back(table[1]), -scheme.drifts[0] * h, y))
 
     def _kicked(self, h, push: Numbers, y: Split) -> Split:
@@ -128,8 +131,8 @@ class AbstractOscillating(AbstractSplit):
         kicked = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, periods, strict=True)]
         return y._replace(strain_momentum=y.strain.like(kicked))
 
-    def lowest_strain(self, y):
-        return lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0])
+    def lowest_strain(self, phases):
+        return least(lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0]) for y in phases)
 
 
 class Axial(AbstractOscillating):

@@ -11,7 +11,7 @@ from .chart import Embedded
 from .equations import Moving, Scene
 from .lanes import Numbers, by_number, gathered, scattered
 from .motion import State
-from .splitting import AbstractSplit, Center, Split, held, per_inertia, with_center, without_center
+from .splitting import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
 
 
 class Flat(AbstractSplit):
@@ -57,12 +57,12 @@ class Flat(AbstractSplit):
         q = y.q.moved(-stage.drift * h, y.p)
         return Split(q, y.p.moved(-stage.kick * h, self.force(t + stage.passed * h, q)))
 
-    def opened(self, scheme, table, h, y):
-        del table
+    def opened(self, scheme, table, t, h, y):
+        del table, t
         return Split(y.q.moved(scheme.drifts[0] * h, y.p), y.p)
 
-    def closed(self, scheme, table, h, y):
-        return self.opened(scheme, table, -h, y)
+    def closed(self, scheme, table, t, h, y):
+        return self.opened(scheme, table, t, -h, y)
 
     def longest_step(self, scheme, ts):
         del ts
@@ -79,8 +79,8 @@ class Flat(AbstractSplit):
 
         return by_number(force)(*self.numbers, t, q)
 
-    def lowest_strain(self, y):
-        return jnp.sqrt(sum(x * x for x in y.q)) - 1
+    def lowest_strain(self, phases):
+        return jnp.sqrt(least([sum(x * x for x in y.q) for y in phases])) - 1
 
 
 def _embedded_potential(scene: Scene, q):

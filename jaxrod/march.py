@@ -4,6 +4,8 @@ Each stage of a step can be undone exactly, to rounding: from where it ended bac
 derivative needs no stored states: its memory does not grow with the number of steps.
 """
 
+import functools
+import itertools
 import math
 from typing import Any, NamedTuple
 
@@ -17,6 +19,7 @@ from .tracking import passed
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
+_LOOK = 4  # every so many steps of those written out together it is seen how far the rod turned
 _NEAR = 1e-6  # square of the distance from the pivot, over the length, that a step may not tell from none
 
 
@@ -43,13 +46,15 @@ class Route(eqx.Module):
 
 
 def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, backwards: bool) -> Walker:
-    """The walker at each of `route.ends`, stacked.  A run that stops stays where it was.
+    """The walker at each of `route.ends`, stacked.  A run that stops stays where it was; with a past it is lost.
 
     `backwards`: have the reverse derivative undo the steps; there is no forward derivative then.
     """
     start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start, jnp.zeros_like(route.start))
     even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts.astype(route.ends.dtype)), 1)
     even = (even_h, split.table(solver, even_h)) if route.even else None
+    # Between steps of one size a past is kept; to make a new one takes longer than the steps of a leg.
+    kept_open = split.has_past and route.even
     go = _walk_reversible if backwards else _walk
 
     def leg(walker, ends):
@@ -57,13 +62,17 @@ def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, b
         h = jnp.where(count > 0, (end - begin) / jnp.maximum(count, 1), 0.0)
         h, table = (h, split.table(solver, h)) if even is None else even
         counted = jax.lax.stop_gradient(walker._replace(y=None))
-        walker = go((split, begin, h, walker.y), solver, table, counted, taken)
-        cut = (walker.stopped == 0) & (taken < count)
-        walker = walker._replace(stopped=jnp.where(cut, CUT, walker.stopped))
-        return walker, _packed(walker)
+        if kept_open:
+            walker = _stepped(split, solver, table, begin, h, walker, taken)
+            seen = walker._replace(y=split.closed(solver, table, walker.t, h, walker.y))
+        else:
+            walker = seen = go((split, begin, h, walker.y), solver, table, counted, taken)
+        stopped = jnp.where((walker.stopped == 0) & (taken < count), CUT, walker.stopped)
+        return walker._replace(stopped=stopped), _packed(seen._replace(stopped=stopped))
 
     legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)
-    return jax.vmap(lambda row: _unpacked(row, start))(_in_blocks(leg, start, legs))
+    begun = start._replace(y=split.opened(solver, even[1], route.start, even_h, y0)) if kept_open and even else start
+    return jax.vmap(lambda row: _unpacked(row, start))(_in_blocks(leg, begun, legs))
 
 
 def _in_blocks(leg, start: Walker, legs) -> Float[Array, "T numbers"]:
@@ -94,27 +103,40 @@ def _unpacked(row: Float[Array, " numbers"], like: Walker) -> Walker:
 def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
     """`count` steps of one size; `moving` is (split, time, step, phase)."""
     split, begin, h, y = moving
+    opened = walker._replace(y=split.opened(solver, table, begin, h, y))
+    walker = _stepped(split, solver, table, begin, h, opened, count)
+    return walker._replace(y=split.closed(solver, table, begin + count * h, h, walker.y))
 
-    def body(carry):
+
+def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: Walker, count) -> Walker:
+    """The walker after `count` steps, its phase opened for them before and after."""
+
+    def body(size: int, carry):
         k, walker = carry
-        t = begin + k * h
-        walker = _watched(split, walker, t)
-        y = split.step(solver, table, t, h, walker.y)
-        stopped, turns = walker.stopped, walker.turns
-        before, after = split.heading(walker.y), split.heading(y)
-        if after is not None:
-            stopped = jnp.where(stopped == 0, _strayed(before, after), stopped)
-            turns = turns + passed(before, after)
-        going = stopped == 0
-        y, turns = jax.tree.map(lambda new, old: jnp.where(going, new, old), (y, turns), (walker.y, walker.turns))
-        return k + 1, Walker(y, turns, stopped, walker.t, walker.lowest)
+        here, path = _watched(split, [walker.y], walker, begin + k * h), [walker.y]
+        for i in range(size):
+            path.append(split.step(solver, table, begin + (k + i) * h, h, path[-1]))
+        if size > 1:
+            here = _watched(split, path[1:-1], here, begin + k * h)
+        stopped, turns = here.stopped, walker.turns
+        headings = [split.heading(y) for y in (*path[:-1:_LOOK], path[-1])]
+        for before, after in itertools.pairwise(headings):
+            if after is not None:
+                stopped = jnp.where(stopped == 0, _strayed(before, after), stopped)
+                turns = turns + passed(before, after)
+        y, going = path[-1], stopped == 0
+        if not split.has_past:  # a past goes on, into nothing: to hold it takes as long as the steps
+            y = jax.tree.map(lambda new, old: jnp.where(going, new, old), y, walker.y)
+        turns = jnp.where(going, turns, walker.turns)
+        return k + size, Walker(y, turns, stopped, here.t, here.lowest)
 
-    opened = walker._replace(y=split.opened(solver, table, h, y))
-    _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), opened))
+    carry, size = (jnp.zeros_like(count), walker), split.steps_at_once(solver)
+    if size > 1:
+        carry = jax.lax.while_loop(lambda carry: carry[0] + size <= count, functools.partial(body, size), carry)
+    _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, functools.partial(body, 1), carry)
     end = begin + count * h
-    walker = _watched(split, walker, end)
-    y = split.closed(solver, table, h, walker.y)
-    return walker._replace(y=y, t=jnp.where(walker.stopped == 0, end, walker.t))
+    walker = _watched(split, [walker.y], walker, end)
+    return walker._replace(t=jnp.where(walker.stopped == 0, end, walker.t))
 
 
 def _strayed(before, after) -> Int[Array, ""]:
@@ -126,12 +148,13 @@ def _strayed(before, after) -> Int[Array, ""]:
     return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, COLLAPSED, COARSE))
 
 
-def _watched(split: AbstractStepped, walker: Walker, t) -> Walker:
-    """The walker with the reason why it stops here, if it does.  What it does after that means nothing."""
-    lowest = split.lowest_strain(walker.y)
+def _watched(split: AbstractStepped, phases: list, walker: Walker, t) -> Walker:
+    """The walker with the reason why it stops at one of `phases`, if it does.  What it does after that means nothing."""
+    lowest = split.lowest_strain(phases)
     why = jnp.where(lowest > _LEAST_STRAIN, 0, COLLAPSED)
     why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, DIVERGED)
-    why = jnp.where(jnp.isfinite(sum(jax.tree.leaves(walker.y))), why, NON_FINITE)
+    newest = phases[-1].q if split.has_past else phases[-1]
+    why = jnp.where(jnp.isfinite(sum(jax.tree.leaves(newest))), why, NON_FINITE)
     first = walker.stopped == 0
     return walker._replace(
         stopped=jnp.where(first, why, walker.stopped),
@@ -164,10 +187,10 @@ def _and_back(arrived: Walker, gradient, perturbed, moving, solver, table, walke
         return jax.tree.map(jnp.add, sums, (asked_bar, t_bar, h_bar + k * t_bar)), y_bar
 
     def open_(split: AbstractSplit, t, h, y):
-        return split.settled(split.opened(solver, table, h, y))
+        return split.settled(split.opened(solver, table, t, h, y))
 
     def close(split: AbstractSplit, t, h, y):
-        return split.closed(solver, table, h, y)
+        return split.closed(solver, table, t, h, y)
 
     def step(carry):
         k, y, y_bar, sums = carry

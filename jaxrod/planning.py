@@ -204,14 +204,10 @@ class _Search:
 
     def ways(self, rung: _Rung, rounding: float) -> Iterator[_Way]:
         """By each solver and float type the fewest steps that are enough."""
-        best = default_solver(rung.system)
-        solvers = [best]
-        if isinstance(best, AbstractSymplectic):
-            solvers += [StormerVerlet(), *([ABA864()] if rung.system.splits_flat else [])]
         narrow = rounding * float(np.finfo(np.float32).eps / np.finfo(np.float64).eps)
         types = ["float64", *(["float32"] if narrow <= _FOR_STEPS * self.tolerance else [])]
         for dtype in types:
-            for solver in solvers:
+            for solver in solvers(in_type(dtype, rung.system)):
                 way = self.fewest(rung, solver, dtype)
                 if way is not None:
                     yield way
@@ -283,6 +279,14 @@ class _Search:
             unit=self.quantity.unit,
             why=why,
         )
+
+
+def solvers(system: System) -> list[Any]:
+    """Those worth a try."""
+    best = default_solver(system)
+    if not isinstance(best, AbstractSymplectic):
+        return [best]
+    return [best, StormerVerlet(), *([ABA864()] if system.splits_flat else [])]
 
 
 def _apart(a: Any, b: Any) -> float:

@@ -24,6 +24,7 @@ from .choice import Plan
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, State, check_start
+from .multistep import AbstractMultistep, irreversible
 from .quantity import AbstractQuantity, Measured
 from .result import Result, SimulationError
 from .solution import Solution
@@ -79,7 +80,7 @@ def simulate(
     t0: Any = 0.0,
     tolerance: Any = None,
     chart: AbstractChart | None = None,
-    solver: diffrax.AbstractSolver | None = None,
+    solver: diffrax.AbstractSolver | AbstractMultistep | None = None,
     stepsize_controller: diffrax.AbstractStepSizeController | None = None,
     dt0: Any = None,
     n_steps: Any = None,
@@ -103,7 +104,7 @@ def simulate(
       1e-4 in float32 (at least 1e-5).  Or what `jaxrod.plan` has found, to follow it: its rung, solver, steps, float type.
     - `chart`: the coordinates to compute in, `Angles()`, `Embedded()` or `Director()`; see `default_chart`.
     - `n_steps`: take so many equal steps instead of adapting them; under a transformation a known number, but of a
-      symplectic solver, which takes a traced one too.
+      symplectic or multistep solver, which takes a traced one too.
     - `solver`, `stepsize_controller`, `dt0`, `saveat`, `event`, `adjoint`, `progress_meter`, `max_steps`: as in
       `diffrax.diffeqsolve`.  `SaveAt(fn=)` and events receive a `State`.  `solver` alone keeps the default step size
       control, `dt0` alone takes constant steps.  Forward-mode derivatives need `adjoint=diffrax.ForwardMode()`.
@@ -190,12 +191,14 @@ def simulate(
         _check_split(system, chosen, chart)
     elif isinstance(adjoint, Reversible):
         raise ValueError(f"adjoint=Reversible() runs symplectic solvers backwards, not {type(chosen).__name__}.")
+    if isinstance(chosen, AbstractMultistep):
+        _check_multistep(system, chosen, plain and chart is None)
     unrolled = isinstance(chosen, Unrolled) and isinstance(system, System) and chart is None
     if unrolled and isinstance(system, System) and system.basis.n > 1:
         raise ValueError(
             f"solver=Unrolled() is for one strain shape, not {system.basis.n}; leave out solver= for steps that adapt."
         )
-    by_equal_steps = plain and (isinstance(chosen, AbstractSymplectic) or unrolled)
+    by_equal_steps = plain and (isinstance(chosen, AbstractSymplectic | AbstractMultistep) or unrolled)
     if n_steps is not None and not by_equal_steps and not checks.known(n_steps):
         raise ValueError("n_steps= is traced, which only symplectic solvers and Unrolled() take; give a known number.")
     if by_equal_steps:
@@ -260,12 +263,17 @@ def _step(system, start, t0, t1, ts, solver, n_steps, tolerance, max_steps, adjo
         tolerance = _DEFAULT_TOLERANCE[jnp.dtype(t0.dtype).name]
     ends = t1[None] if ts is None else ts
     even = ends.size == 1 or _even(t0, ends)
-    backwards = isinstance(solver, AbstractSymplectic) and not isinstance(adjoint, diffrax.ForwardMode)
+    forwards = isinstance(adjoint, diffrax.ForwardMode)
+    backwards = isinstance(solver, AbstractSymplectic) and not forwards
     tolerance = jnp.asarray(tolerance, t0.dtype)
     n_steps = None if n_steps is None else jnp.asarray(n_steps, t0.dtype)  # so that another count is the same program
-    return step_through(
+    solution = step_through(
         system, start, t0, ends, solver, n_steps, tolerance, even, ts is None, max_steps, backwards
     )  # fmt: skip
+    if isinstance(solver, AbstractMultistep) and not forwards:
+        why = f"solver={type(solver).__name__}() has no reverse derivative; take BlanesMoan6(), or adjoint=diffrax.ForwardMode()."
+        solution = dataclasses.replace(solution, states=irreversible(solution.states, why))
+    return solution
 
 
 def _even(t0, ts) -> bool:
@@ -287,6 +295,19 @@ def _check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart |
     if solver.needs_nystrom and system.basis.n and not (system.splits_flat or isinstance(system.motion, Driven)):
         raise ValueError(
             f"solver={name}() keeps its order for uniform strain, rigid and driven rods alone; take ABA864() or BlanesMoan4()."
+        )
+
+
+def _check_multistep(system: Any, solver: AbstractMultistep, alone: bool) -> None:
+    name = type(solver).__name__
+    if not isinstance(system, System) or system.unsplit or not system.splits_flat:
+        raise ValueError(
+            f"solver={name}() is for uniform strain (Ritz(1)) in float64 that moves freely, without forces that depend on rates; "
+            "take ABA864(), or leave out solver=."
+        )
+    if not alone:
+        raise ValueError(
+            f"solver={name}() goes by equal steps alone; leave out chart=, saveat=, event=, adjoint= and progress_meter=."
         )
 
 
@@ -334,7 +355,7 @@ def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
 
 
 def _check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
-    if not isinstance(solver, diffrax.AbstractSolver):
+    if not isinstance(solver, diffrax.AbstractSolver | AbstractMultistep):
         raise ValueError(f"solver={solver!r} is not a solver; give an instance, such as diffrax.Tsit5().")
     if dt0 is not None:
         checks.positive("dt0", dt0, "seconds")

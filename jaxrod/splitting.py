@@ -11,8 +11,8 @@ which become vectors of lanes under `vmap`.
 import abc
 import functools
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -61,6 +61,8 @@ class Stage(NamedTuple):
 class AbstractStepped(eqx.Module):
     """A scene that goes by equal steps."""
 
+    has_past: ClassVar[bool] = False  # whether its phase remembers, while it is opened, where it was steps before
+
     @abc.abstractmethod
     def encode(self, state: State) -> Split:
         """The numbers of a state."""
@@ -74,17 +76,17 @@ class AbstractStepped(eqx.Module):
         """What is known of steps of size h by `scheme`, once for all of them; it carries no derivative."""
 
     @abc.abstractmethod
-    def step(self, scheme, table, t, h, y: Split) -> Split:
+    def step(self, scheme, table, t, h, y: Any) -> Any:
         """One step from time t, between phases as `opened` makes them."""
 
-    def opened(self, scheme, table, h, y: Split) -> Split:
-        """The phase that steps begin with."""
-        del scheme, table, h
+    def opened(self, scheme, table, t, h, y: Split) -> Any:
+        """The phase that steps of size h begin with at time t."""
+        del scheme, table, t, h
         return y
 
-    def closed(self, scheme, table, h, y: Split) -> Split:
+    def closed(self, scheme, table, t, h, y: Any) -> Split:
         """Undoes `opened`."""
-        del scheme, table, h
+        del scheme, table, t, h
         return y
 
     def longest_step(self, scheme, ts: Float[Array, " T"]) -> Any:
@@ -97,15 +99,21 @@ class AbstractStepped(eqx.Module):
 
     def whole_step(self, scheme, table, t, h, y: Split) -> Split:
         """A step from y to y."""
-        return self.closed(scheme, table, h, self.step(scheme, table, t, h, self.opened(scheme, table, h, y)))
+        y = self.step(scheme, table, t, h, self.opened(scheme, table, t, h, y))
+        return self.closed(scheme, table, t + h, h, y)
 
-    def heading(self, y: Split) -> Any:
+    def steps_at_once(self, scheme) -> int:
+        """How many steps are written out one after the other, and stopped together."""
+        del scheme
+        return 1
+
+    def heading(self, y: Any) -> Any:
         """Coordinates along the director, whose turns are to be counted; None if there are none."""
         return y.q
 
     @abc.abstractmethod
-    def lowest_strain(self, y: Split) -> Float[Array, ""]:
-        """The least strain along the rod."""
+    def lowest_strain(self, phases: list) -> Float[Array, ""]:
+        """The least strain along the rod in any of them."""
 
 
 class AbstractSplit(AbstractStepped):
@@ -164,9 +172,14 @@ def watched(field: Float[Array, "n points"]) -> Float[Array, "n places"]:
     return field[:, np.unique(np.linspace(0, points - 1, 2 * n + 3).round().astype(int))]
 
 
+def least(numbers: Iterable) -> Any:
+    """The least of several numbers, lane by lane."""
+    return functools.reduce(jnp.minimum, numbers)
+
+
 def lowest(amplitudes: Numbers, field: Numbers) -> Any:
     """The least strain at the points where `field` is known."""
-    return functools.reduce(jnp.minimum, by_number(lambda a, field: a @ field)(amplitudes, field))
+    return least(by_number(lambda a, field: a @ field)(amplitudes, field))
 
 
 def per_inertia(body: Projection) -> Projection:

@@ -1,5 +1,7 @@
 """One compiled run by equal steps of a symplectic solver, and how many of them an accuracy takes."""
 
+from typing import Any
+
 import diffrax
 import equinox as eqx
 import jax
@@ -7,11 +9,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .equations import eigenvalues
+from .flat import Flat
 from .ledger import energy_change, is_closed, over, with_start
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motion import Driven, Flight, State
+from .multistep import AbstractMultistep, Remembered
 from .result import Result
 from .solution import Solution
+from .splitting import AbstractStepped
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .unrolled import Unrolled, Whole
@@ -81,7 +86,7 @@ def step_through(
     valid = system.valid(start)
     start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
     counts = _counts(system, start, t0, ts, solver, n_steps, tolerance, even)
-    split = Whole(system) if isinstance(solver, Unrolled) else system.split(start, t0, solver.small_kicks)
+    split = _stepped(system, start, t0, solver)
     longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, ts), t0.dtype))
     stable = jnp.max(jnp.diff(ts, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
     taken = jnp.where(stable, jnp.clip(max_steps - (_summed(counts) - counts), 0, counts), 0)
@@ -91,7 +96,7 @@ def step_through(
     saved = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
     last = jax.tree.map(lambda x: x[-1], saved)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
-    reached = valid & (end_only | ((saved.stopped == 0) & enough))
+    reached = valid & ((end_only and not split.has_past) | ((saved.stopped == 0) & enough))
     code = Result.where(last.stopped == COLLAPSED, Result.collapsed, Result.ok)
     for stopped, why in ((DIVERGED, Result.diverged), (COARSE, Result.coarse), (NON_FINITE, Result.non_finite)):
         code = Result.where(last.stopped == stopped, why, code)
@@ -134,6 +139,17 @@ def step_through(
         start=given_start,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
+
+
+def _stepped(system: System, start: State, t0, solver: Any) -> AbstractStepped:
+    """The scene as the solver steps it."""
+    if isinstance(solver, Unrolled):
+        return Whole(system)
+    if isinstance(solver, AbstractMultistep):
+        split = system.split(start, t0)
+        assert isinstance(split, Flat)
+        return Remembered(split)
+    return system.split(start, t0, solver.small_kicks)
 
 
 def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Array, " T"]:

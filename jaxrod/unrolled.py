@@ -10,7 +10,7 @@ from .chart import Director, Embedded, Strains
 from .equations import Condensed, Moving, eigenvalues
 from .lanes import by_number, gathered, scattered
 from .motion import Driven
-from .splitting import AbstractStepped, Split, lowest, watched
+from .splitting import AbstractStepped, Split, least, lowest, watched
 from .system import System
 
 
@@ -109,7 +109,10 @@ class Whole(AbstractStepped):
         size = self.equations.chart.size(self.equations.scene.motion)
         return y.q[:size] if size else None
 
-    def lowest_strain(self, y):
+    def lowest_strain(self, phases):
+        return least(self._lowest(y) for y in phases)
+
+    def _lowest(self, y: Split):
         size, n = self.equations.chart.size(self.equations.scene.motion), self.field.shape[0]
         if isinstance(self.equations.chart, Embedded):
             return jnp.sqrt(sum(x * x for x in y.q[:size])) - 1
