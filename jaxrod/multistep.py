@@ -10,6 +10,7 @@ The past is kept in differences of positions, whose rounding is that of the incr
 """
 
 import functools
+import itertools
 from fractions import Fraction
 from typing import Any, ClassVar, NamedTuple
 
@@ -117,8 +118,7 @@ class Remembered(AbstractStepped):
                 y = self.flat.whole_step(starter, None, t + (k * _SUBSTEPS + j) * back, back, y)
             positions.append(y.q)
             accelerations.append(self.flat.force(t - (k + 1) * h, y.q))
-        pairs = zip(positions, positions[1:], strict=False)
-        differences = tuple(here.moved(-1.0, before) for here, before in pairs)
+        differences = tuple(here.moved(-1.0, before) for here, before in itertools.pairwise(positions))
         return Past(positions[0], differences, tuple(accelerations[:-1]))
 
     def closed(self, scheme: AbstractMultistep, table, t, h, y):
@@ -129,11 +129,10 @@ class Remembered(AbstractStepped):
         return Split(y.q, velocity)
 
     def step(self, scheme: AbstractMultistep, table, t, h, y):
-        weights, half = scheme.weights, scheme.past // 2
-        middle = y.accelerations[half]
-        push = middle.like([weights[half] * a for a in middle])
-        for j in range(half):
-            push = push.moved(weights[j], y.accelerations[j]).moved(weights[j], y.accelerations[-1 - j])
+        weights, half, past = scheme.weights, scheme.past // 2, y.accelerations
+        push = past[half].like([weights[half] * a for a in past[half]])
+        for weight, newer, older in zip(weights[:half], past, reversed(past), strict=False):
+            push = push.moved(weight, newer.moved(1.0, older))
         ahead = push.like([h * h * a for a in push])
         for weight, difference in zip(scheme.differences, y.differences, strict=True):
             ahead = ahead.moved(float(weight), difference) if weight else ahead
