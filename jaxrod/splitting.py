@@ -166,7 +166,7 @@ def watched(field: Float[Array, "n points"]) -> Float[Array, "n places"]:
 
 def lowest(amplitudes: Numbers, field: Numbers) -> Any:
     """The least strain at the points where `field` is known."""
-    return functools.reduce(jnp.minimum, by_number(lambda a, field: a @ field)(amplitudes, field))
+    return functools.reduce(jnp.minimum, by_number(jnp.matmul)(amplitudes, field))
 
 
 def per_inertia(body: Projection) -> Projection:
