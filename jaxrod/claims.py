@@ -4,6 +4,7 @@ import math
 import pathlib
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,9 +12,9 @@ from jaxtyping import Array, Float
 
 from . import continuum, modal, paper, plot
 from .basis import Ritz
-from .motion import Flight, Rotation
+from .motion import Flight, Rotation, State
 from .rod import Lumped, Rod
-from .section import Uniform
+from .section import Cone
 from .simulation import simulate
 from .solution import Solution
 from .system import System
@@ -107,8 +108,7 @@ def _bound(found: float) -> float:
 def _energy(runs) -> Claim:
     drift = []
     for sol in runs.values():
-        weight = np.asarray(jax.vmap(sol.system.gravity_energy)(sol.states))
-        energy = np.asarray(sol.energy)
+        energy, weight = map(np.asarray, _energy_and_weight(sol.system, sol.states))
         drift.append(np.max(np.abs(energy - energy[0])) / np.max(energy - weight + np.abs(weight)))
     return Claim(
         "The mechanical energy stayed constant.",
@@ -117,13 +117,18 @@ def _energy(runs) -> Claim:
     )
 
 
+@eqx.filter_jit
+def _energy_and_weight(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
+    return jax.vmap(lambda state: (system.energy(state), system.gravity_energy(state)))(states)
+
+
 def _oscillation(runs) -> Claim:
     parts = []
     for name, sol in runs.items():
         _, fast = split_bands(sol.ts, sol.strain)
         measured = 2 * math.pi * frequency(sol.ts, fast)
         at_rest = 2 * math.pi * float(modal.natural_frequencies(sol.system)[0])
-        spun = math.sqrt(at_rest**2 + 3 * float(jnp.mean(sol.rate**2)))
+        spun = math.sqrt(at_rest**2 + 3 * float(np.mean(np.asarray(sol.rate) ** 2)))
         parts.append(f"{name}: {measured:.2f} rad/s; √(ω_ε² + 3⟨ω²⟩) = {spun:.2f}, ω_ε = {at_rest:.2f}")
     return Claim("The strain oscillates.", "; ".join(parts), "holds; free spin raises the frequency above ω_ε")
 
@@ -172,11 +177,11 @@ def _slow_period(runs) -> list[Claim]:
 
 def _plane_motion() -> Claim:
     flying = System(paper.rod(), Flight(), Ritz(1), paper.GRAVITY)
-    body = Lumped(paper.rod().moment_of_inertia(paper.rod().center_of_mass), 0.0, paper.rod().stiffness, paper.LENGTH)
-    turning = System(body, Rotation(), Ritz(1), paper.GRAVITY)
-    ts = jnp.linspace(0.0, 1.0, 101)
+    inertia, stiffness = _about_center(paper.rod())
+    turning = System(Lumped(inertia, 0.0, stiffness, paper.LENGTH), Rotation(), Ritz(1), paper.GRAVITY)
+    ts = jnp.linspace(0.0, 1.0, paper.SAMPLES)  # as many as in Figure 2: one compiled program runs both
     off = max(
-        float(jnp.max(jnp.abs(getattr(flight, name) - getattr(turn, name))))
+        float(np.max(np.abs(np.asarray(getattr(flight, name)) - np.asarray(getattr(turn, name)))))
         for flight, turn in [[simulate(x, x.state(rate=paper.SPIN), ts=ts) for x in (flying, turning)]]
         for name in ("angle", "strain")
     )
@@ -187,11 +192,18 @@ def _plane_motion() -> Claim:
     )
 
 
+@eqx.filter_jit
+def _about_center(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    return rod.moment_of_inertia(rod.center_of_mass), rod.stiffness
+
+
 def _weightless() -> dict[str, System]:
     """The uniform rod of the paper's last paragraph, and its cone, without gravity."""
-    sections = {"uniform rod": Uniform((paper.THIN + paper.THICK) / 2), "the paper's cone": paper.rod().section}
+    # Not Uniform and no gravity but numbers of the same kind as in Figure 2: one compiled program runs all of them.
+    mean = (paper.THIN + paper.THICK) / 2
+    sections = {"uniform rod": Cone(mean, mean), "the paper's cone": Cone(paper.THIN, paper.THICK)}
     rods = {name: Rod(paper.LENGTH, section, paper.YOUNG, paper.DENSITY) for name, section in sections.items()}
-    return {name: System(rod, Rotation(), Ritz(1)) for name, rod in rods.items()}
+    return {name: System(rod, Rotation(), Ritz(1), gravity=0.0) for name, rod in rods.items()}
 
 
 def _frequency_error() -> list[Claim]:
@@ -215,13 +227,14 @@ def _frequency_error() -> list[Claim]:
 
 def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Tips let go from uniform stretch: exact series and simulated model, over four travel times of a wave."""
-    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, 801), {}
+    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, paper.SAMPLES), {}  # as many as in Figure 2, for its program
+    shown = slice(None, None, paper.SAMPLES // 800)
     for name, system in _weightless().items():
-        ts = jnp.asarray(tau * paper.LENGTH / float(paper.rod().wave_speed))
-        exact = continuum.release(system, jnp.asarray(strain), ts)
-        model = simulate(system, system.state(strain=strain), ts=ts).strain * paper.LENGTH
-        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), np.asarray(model) / (strain * paper.LENGTH))
-    return tau, tips
+        ts = jnp.asarray(tau * paper.LENGTH / math.sqrt(paper.YOUNG / paper.DENSITY))
+        exact = continuum.release(system, strain, ts[shown])
+        model = simulate(system, system.state(strain=strain), ts=ts).strain[shown]
+        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), np.asarray(model) / strain)
+    return tau[shown], tips
 
 
 def _release_picture() -> Claim:
