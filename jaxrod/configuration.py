@@ -39,6 +39,7 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     # `simulate` checks its inputs itself and reports trouble by result codes.
     late = "equinox" in sys.modules
     os.environ.setdefault("EQX_ON_ERROR", "nan")
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # LAPACK's own would fight for the cores that the devices work on
     os.environ["XLA_FLAGS"] = _flags(os.environ.get("XLA_FLAGS", ""))
     import jax
 
