@@ -33,7 +33,7 @@ class Claim(NamedTuple):
 
 def split_bands(ts: Float[Array, " T"], signal: Any) -> tuple[np.ndarray, np.ndarray]:
     """A signal's slow band (turning, gravity) and fast band (strain oscillation), divided at 12 Hz."""
-    signal = np.asarray(signal)
+    ts, signal = np.asarray(ts), np.asarray(signal)
     spectrum = np.fft.rfft(signal - signal.mean())
     spectrum[np.fft.rfftfreq(signal.size, float(ts[1] - ts[0])) > _SPLIT] = 0.0
     slow = signal.mean() + np.fft.irfft(spectrum, signal.size)
@@ -42,7 +42,7 @@ def split_bands(ts: Float[Array, " T"], signal: Any) -> tuple[np.ndarray, np.nda
 
 def frequency(ts: Float[Array, " T"], signal: np.ndarray) -> float:
     """Frequency in Hz of the largest peak of a signal's spectrum, between the lines by a parabola through its log."""
-    padded = 8 * signal.size
+    ts, padded = np.asarray(ts), 8 * signal.size
     spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size), padded))
     peak = int(np.argmax(spectrum))
     left, top, right = np.log(spectrum[peak - 1 : peak + 2])
@@ -58,7 +58,7 @@ def measured(runs: dict[str, Solution]) -> list[Claim]:
         *_antiphase(runs),
         *_slow_period(runs),
         _plane_motion(),
-        *_frequency_error(),
+        *_frequency_error(runs),
         _release_picture(),
         _slow_loads(),
     ]
@@ -153,9 +153,8 @@ def _slow_period(runs) -> list[Claim]:
     parts = []
     for name, sol in runs.items():
         slow, _ = split_bands(sol.ts, sol.rate)
-        parts.append(
-            f"{name}: {1 / frequency(sol.ts, slow):.3f} s (one turn: {2 * math.pi * paper.DURATION / float(sol.angle[-1]):.3f} s)"
-        )
+        turn = 2 * math.pi * paper.DURATION / np.asarray(sol.angle)[-1]
+        parts.append(f"{name}: {1 / frequency(sol.ts, slow):.3f} s (one turn: {turn:.3f} s)")
     weightless = paper.figure_2(paper.corrected(gravity=0.0))
     swing = {
         name: float(np.ptp(split_bands(sol.ts, sol.strain)[0][_INNER]))
@@ -206,11 +205,11 @@ def _weightless() -> dict[str, System]:
     return {name: System(rod, Rotation(), Ritz(1), gravity=0.0) for name, rod in rods.items()}
 
 
-def _frequency_error() -> list[Claim]:
+def _frequency_error(runs) -> list[Claim]:
     uniform, cone = _weightless().values()
     by_strain = float(modal.frequency_error(cone)[0])
     exact = float(continuum.natural_frequencies(cone, 1)[0])
-    by_force = 100 * (float(modal.natural_frequencies(paper.literal())[0]) / exact - 1)
+    by_force = 100 * (float(modal.natural_frequencies(runs["as printed"].system)[0]) / exact - 1)
     return [
         Claim(
             "The model's frequency is √(12/π²) ≅ 1.1 times the exact one.",
@@ -230,10 +229,10 @@ def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     strain, tau, tips = 0.01, np.linspace(0.0, 4.0, paper.SAMPLES), {}  # as many as in Figure 2, for its program
     shown = slice(None, None, paper.SAMPLES // 800)
     for name, system in _weightless().items():
-        ts = jnp.asarray(tau * paper.LENGTH / math.sqrt(paper.YOUNG / paper.DENSITY))
+        ts = tau * paper.LENGTH / math.sqrt(paper.YOUNG / paper.DENSITY)
         exact = continuum.release(system, strain, ts[shown])
-        model = simulate(system, system.state(strain=strain), ts=ts).strain[shown]
-        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), np.asarray(model) / strain)
+        model = np.asarray(simulate(system, system.state(strain=strain), ts=ts).strain)[shown]
+        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), model / strain)
     return tau[shown], tips
 
 

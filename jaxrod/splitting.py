@@ -128,7 +128,10 @@ class AbstractSplit(AbstractStepped):
         """The carry after `visit(carry, stage, known)` at each stage of a step."""
 
     def step(self, scheme, table, t, h, y):
-        return self.through(scheme, table, lambda y, stage, known: self.stage(stage, known, t, h, y), y)
+        def ahead(y, stage, known):
+            return self.stage(stage, known, t, h, y)
+
+        return self.through(scheme, table, ahead, y)
 
 
 class Center(eqx.Module):

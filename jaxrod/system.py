@@ -180,7 +180,7 @@ class System(eqx.Module):
         if amplitudes is None:
             if n == 0 and checks.fails(lambda x: x == 0, uniform):
                 raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
-            return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
+            return _first_alone(uniform, n)
         if checks.fails(lambda x: x == 0, uniform):
             raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
         return checks.number(all_name, amplitudes, (n,))
@@ -387,6 +387,11 @@ def _or_zero(value, zero: Any = 0.0):
 @checks.at_once
 def _area(rod: Rod, s):
     return rod.area(s)
+
+
+@checks.at_once
+def _first_alone(uniform, n: int):
+    return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
 
 
 @checks.at_once

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.ladder import at_rest, on_rung
 from jaxrod.cli import main
+from jaxrod.ladder import at_rest, on_rung
 from jaxrod.tradeoff import Row, Tradeoff
 
 
