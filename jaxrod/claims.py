@@ -31,7 +31,7 @@ class Claim(NamedTuple):
     verdict: str
 
 
-def split_bands(ts: Float[Array, " T"], signal: Any) -> tuple[np.ndarray, np.ndarray]:
+def split_bands(ts: Any, signal: Any) -> tuple[np.ndarray, np.ndarray]:
     """A signal's slow band (turning, gravity) and fast band (strain oscillation), divided at 12 Hz."""
     ts, signal = np.asarray(ts), np.asarray(signal)
     spectrum = np.fft.rfft(signal - signal.mean())
@@ -40,7 +40,7 @@ def split_bands(ts: Float[Array, " T"], signal: Any) -> tuple[np.ndarray, np.nda
     return slow, signal - slow
 
 
-def frequency(ts: Float[Array, " T"], signal: np.ndarray) -> float:
+def frequency(ts: Any, signal: np.ndarray) -> float:
     """Frequency in Hz of the largest peak of a signal's spectrum, between the lines by a parabola through its log."""
     ts, padded = np.asarray(ts), 8 * signal.size
     spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size), padded))
@@ -230,7 +230,7 @@ def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     shown = slice(None, None, paper.SAMPLES // 800)
     for name, system in _weightless().items():
         ts = tau * paper.LENGTH / math.sqrt(paper.YOUNG / paper.DENSITY)
-        exact = continuum.release(system, strain, ts[shown])
+        exact = continuum.release(system, jnp.asarray(strain), jnp.asarray(ts[shown]))
         model = np.asarray(simulate(system, system.state(strain=strain), ts=ts).strain)[shown]
         tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), model / strain)
     return tau[shown], tips

@@ -27,8 +27,8 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
 
     It also has XLA compile the time loop of a block of scenes into one function, of kernels with several results and
     with the widest vectors of the machine: without it sweeps take about three times as long.  It adds to what `$XLA_FLAGS`
-    holds, but leaves an `xla_backend_extra_options` of your own alone.  LAPACK gets one thread, unless `$OPENBLAS_NUM_THREADS` says
-    otherwise.
+    holds, but leaves an `xla_backend_extra_options` of your own alone.  LAPACK gets one thread, unless
+    `$OPENBLAS_NUM_THREADS` says otherwise.
 
     **Raises:** `RuntimeError` if JAX has already computed something: some settings would come too late.
 
@@ -106,7 +106,7 @@ def _find_extremes_without_pairs() -> None:
     def lowered(largest):
         def place(x, *, axes, index_dtype, **_):
             best = largest(x, axis=axes, keepdims=True)
-            found = (x == best) | (x != x)  # NaN wins  # noqa: PLR0124
+            found = (x == best) | (x != x)  # NaN wins
             places = jax.lax.broadcasted_iota(index_dtype, x.shape, axes[0])
             return jax.numpy.where(found, places, jax.numpy.iinfo(index_dtype).max).min(axes)
 
