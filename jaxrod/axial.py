@@ -210,11 +210,7 @@ class Axial(AbstractOscillating):
         modes, square = self.numbers[0], sum(x * x for x in y.p)
         if not len(modes.rates):
             return y
-
-        def rest(modes, eta, square):
-            return energy.kinetic_momentum(modes, eta, square) - square * (1 - 2 * (modes.arms @ eta)) / 2
-
-        push, turning = by_number(jax.grad(rest, argnums=(1, 2)))(modes, y.strain, square)
+        push, turning = by_number(_rest)(modes, y.strain, square)
         return self._kicked(-h, push, y)._replace(turning=y.turning + 2 * h * turning)
 
     def _load(self, t, h, y: Split) -> Split:
@@ -222,28 +218,8 @@ class Axial(AbstractOscillating):
         modes, gravity, loads = self.numbers
         if gravity is None and loads is None:
             return y
-        moment, push = by_number(self._loads)(modes, gravity, loads, t, y.q, y.strain)
+        moment, push = by_number(_loads)(modes, gravity, loads, t, y.q, y.strain)
         return self._kicked(h, push, y)._replace(p=y.p.moved(h, moment))
-
-    def _loads(self, modes: AxialModes, gravity, loads: Scene | None, t, d, eta):
-        """Moment on the rod and force on each mode, per inertia."""
-        pull, push = jnp.zeros_like(d), jnp.zeros_like(eta)
-        if gravity is not None:
-            pull, push = jax.grad(lambda d, eta: -energy.gravity_pivoted(modes, gravity, eta, d), argnums=(0, 1))(
-                d, eta
-            )
-        if loads is not None:
-            amplitudes, still = modes.shapes @ eta, jnp.zeros_like(eta)
-            state = State(d, jnp.zeros_like(d), amplitudes, still, jnp.zeros_like(d[0]))
-
-            def power(virtual_d, virtual_eta):
-                virtual = Placement(virtual_d, modes.shapes @ virtual_eta, None)
-                return loads.power(t, state, virtual) / loads.body.mass_matrix[0, 0]
-
-            more = jax.grad(power, argnums=(0, 1))(jnp.zeros_like(d), still)
-            pull, push = pull + more[0], push + more[1]
-        moment = (d[0] * pull[1] - d[1] * pull[0])[None] if d.size == 2 else jnp.cross(d, pull)
-        return moment, push
 
 
 class Prescribed(AbstractOscillating):
@@ -292,16 +268,45 @@ class Prescribed(AbstractOscillating):
 
     def _kick(self, t, h, y: Split):
         modes, scene = self.numbers
-        return self._kicked(h, by_number(self._push)(modes, scene, t, y.strain), y)
+        return self._kicked(h, by_number(_push)(modes, scene, t, y.strain), y)
 
-    def _push(self, modes: AxialModes, scene: Scene, t, eta):
-        equations = Moving(scene, Strains())
-        amplitudes = modes.shapes @ eta
-        still = jnp.zeros_like(amplitudes)
-        push = jax.grad(equations.function, argnums=1)(t, amplitudes, still)
-        if scene.forces:
-            push = push + equations.force(t, amplitudes, still)
-        return modes.shapes.T @ push / scene.body.mass_matrix[0, 0]
+
+def _rest(modes: AxialModes, eta, square):
+    """Slopes, by the amplitudes and by the momentum squared, of what is left of the turning."""
+
+    def energy_left(eta, square):
+        return energy.kinetic_momentum(modes, eta, square) - square * (1 - 2 * (modes.arms @ eta)) / 2
+
+    return jax.grad(energy_left, argnums=(0, 1))(eta, square)
+
+
+def _loads(modes: AxialModes, gravity, loads: Scene | None, t, d, eta):
+    """Moment on the rod and force on each mode, per inertia."""
+    pull, push = jnp.zeros_like(d), jnp.zeros_like(eta)
+    if gravity is not None:
+        pull, push = jax.grad(lambda d, eta: -energy.gravity_pivoted(modes, gravity, eta, d), argnums=(0, 1))(d, eta)
+    if loads is not None:
+        amplitudes, still = modes.shapes @ eta, jnp.zeros_like(eta)
+        state = State(d, jnp.zeros_like(d), amplitudes, still, jnp.zeros_like(d[0]))
+
+        def power(virtual_d, virtual_eta):
+            virtual = Placement(virtual_d, modes.shapes @ virtual_eta, None)
+            return loads.power(t, state, virtual) / loads.body.mass_matrix[0, 0]
+
+        more = jax.grad(power, argnums=(0, 1))(jnp.zeros_like(d), still)
+        pull, push = pull + more[0], push + more[1]
+    moment = (d[0] * pull[1] - d[1] * pull[0])[None] if d.size == 2 else jnp.cross(d, pull)
+    return moment, push
+
+
+def _push(modes: AxialModes, scene: Scene, t, eta):
+    equations = Moving(scene, Strains())
+    amplitudes = modes.shapes @ eta
+    still = jnp.zeros_like(amplitudes)
+    push = jax.grad(equations.function, argnums=1)(t, amplitudes, still)
+    if scene.forces:
+        push = push + equations.force(t, amplitudes, still)
+    return modes.shapes.T @ push / scene.body.mass_matrix[0, 0]
 
 
 def _back(circle):

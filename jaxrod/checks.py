@@ -60,6 +60,21 @@ def fails(condition: Callable[..., Any], *values: Any) -> bool:
     return all(map(known, values)) and not np.all(condition(*map(np.asarray, values)))
 
 
+def at_once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function as one compiled program where all it is given is known: JAX would compile each operation by itself.
+
+    Of traced numbers it works as it stands, so that what does not depend on them stays known.
+    """
+    compiled = eqx.filter_jit(function)
+
+    @functools.wraps(function)
+    def call(*args):
+        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(args))
+        return function(*args) if traced else compiled(*args)
+
+    return call
+
+
 def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array, "..."]:
     """`value` as a floating-point array of the given shape, finite where that is known.
 

@@ -4,6 +4,7 @@ import math
 import pathlib
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,9 +12,9 @@ from jaxtyping import Array, Float
 
 from . import continuum, modal, paper, plot
 from .basis import Ritz
-from .motion import Flight, Rotation
+from .motion import Flight, Rotation, State
 from .rod import Lumped, Rod
-from .section import Uniform
+from .section import Cone
 from .simulation import simulate
 from .solution import Solution
 from .system import System
@@ -30,18 +31,18 @@ class Claim(NamedTuple):
     verdict: str
 
 
-def split_bands(ts: Float[Array, " T"], signal: Any) -> tuple[np.ndarray, np.ndarray]:
+def split_bands(ts: Any, signal: Any) -> tuple[np.ndarray, np.ndarray]:
     """A signal's slow band (turning, gravity) and fast band (strain oscillation), divided at 12 Hz."""
-    signal = np.asarray(signal)
+    ts, signal = np.asarray(ts), np.asarray(signal)
     spectrum = np.fft.rfft(signal - signal.mean())
     spectrum[np.fft.rfftfreq(signal.size, float(ts[1] - ts[0])) > _SPLIT] = 0.0
     slow = signal.mean() + np.fft.irfft(spectrum, signal.size)
     return slow, signal - slow
 
 
-def frequency(ts: Float[Array, " T"], signal: np.ndarray) -> float:
+def frequency(ts: Any, signal: np.ndarray) -> float:
     """Frequency in Hz of the largest peak of a signal's spectrum, between the lines by a parabola through its log."""
-    padded = 8 * signal.size
+    ts, padded = np.asarray(ts), 8 * signal.size
     spectrum = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(signal.size), padded))
     peak = int(np.argmax(spectrum))
     left, top, right = np.log(spectrum[peak - 1 : peak + 2])
@@ -57,7 +58,7 @@ def measured(runs: dict[str, Solution]) -> list[Claim]:
         *_antiphase(runs),
         *_slow_period(runs),
         _plane_motion(),
-        *_frequency_error(),
+        *_frequency_error(runs),
         _release_picture(),
         _slow_loads(),
     ]
@@ -107,8 +108,7 @@ def _bound(found: float) -> float:
 def _energy(runs) -> Claim:
     drift = []
     for sol in runs.values():
-        weight = np.asarray(jax.vmap(sol.system.gravity_energy)(sol.states))
-        energy = np.asarray(sol.energy)
+        energy, weight = map(np.asarray, _energy_and_weight(sol.system, sol.states))
         drift.append(np.max(np.abs(energy - energy[0])) / np.max(energy - weight + np.abs(weight)))
     return Claim(
         "The mechanical energy stayed constant.",
@@ -117,13 +117,18 @@ def _energy(runs) -> Claim:
     )
 
 
+@eqx.filter_jit
+def _energy_and_weight(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
+    return jax.vmap(lambda state: (system.energy(state), system.gravity_energy(state)))(states)
+
+
 def _oscillation(runs) -> Claim:
     parts = []
     for name, sol in runs.items():
         _, fast = split_bands(sol.ts, sol.strain)
         measured = 2 * math.pi * frequency(sol.ts, fast)
         at_rest = 2 * math.pi * float(modal.natural_frequencies(sol.system)[0])
-        spun = math.sqrt(at_rest**2 + 3 * float(jnp.mean(sol.rate**2)))
+        spun = math.sqrt(at_rest**2 + 3 * float(np.mean(np.asarray(sol.rate) ** 2)))
         parts.append(f"{name}: {measured:.2f} rad/s; √(ω_ε² + 3⟨ω²⟩) = {spun:.2f}, ω_ε = {at_rest:.2f}")
     return Claim("The strain oscillates.", "; ".join(parts), "holds; free spin raises the frequency above ω_ε")
 
@@ -148,9 +153,8 @@ def _slow_period(runs) -> list[Claim]:
     parts = []
     for name, sol in runs.items():
         slow, _ = split_bands(sol.ts, sol.rate)
-        parts.append(
-            f"{name}: {1 / frequency(sol.ts, slow):.3f} s (one turn: {2 * math.pi * paper.DURATION / float(sol.angle[-1]):.3f} s)"
-        )
+        turn = 2 * math.pi * paper.DURATION / np.asarray(sol.angle)[-1]
+        parts.append(f"{name}: {1 / frequency(sol.ts, slow):.3f} s (one turn: {turn:.3f} s)")
     weightless = paper.figure_2(paper.corrected(gravity=0.0))
     swing = {
         name: float(np.ptp(split_bands(sol.ts, sol.strain)[0][_INNER]))
@@ -172,11 +176,11 @@ def _slow_period(runs) -> list[Claim]:
 
 def _plane_motion() -> Claim:
     flying = System(paper.rod(), Flight(), Ritz(1), paper.GRAVITY)
-    body = Lumped(paper.rod().moment_of_inertia(paper.rod().center_of_mass), 0.0, paper.rod().stiffness, paper.LENGTH)
-    turning = System(body, Rotation(), Ritz(1), paper.GRAVITY)
-    ts = jnp.linspace(0.0, 1.0, 101)
+    inertia, stiffness = _about_center(paper.rod())
+    turning = System(Lumped(inertia, 0.0, stiffness, paper.LENGTH), Rotation(), Ritz(1), paper.GRAVITY)
+    ts = jnp.linspace(0.0, 1.0, paper.SAMPLES)  # as many as in Figure 2: one compiled program runs both
     off = max(
-        float(jnp.max(jnp.abs(getattr(flight, name) - getattr(turn, name))))
+        float(np.max(np.abs(np.asarray(getattr(flight, name)) - np.asarray(getattr(turn, name)))))
         for flight, turn in [[simulate(x, x.state(rate=paper.SPIN), ts=ts) for x in (flying, turning)]]
         for name in ("angle", "strain")
     )
@@ -187,18 +191,25 @@ def _plane_motion() -> Claim:
     )
 
 
+@eqx.filter_jit
+def _about_center(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    return rod.moment_of_inertia(rod.center_of_mass), rod.stiffness
+
+
 def _weightless() -> dict[str, System]:
     """The uniform rod of the paper's last paragraph, and its cone, without gravity."""
-    sections = {"uniform rod": Uniform((paper.THIN + paper.THICK) / 2), "the paper's cone": paper.rod().section}
+    # Not Uniform and no gravity but numbers of the same kind as in Figure 2: one compiled program runs all of them.
+    mean = (paper.THIN + paper.THICK) / 2
+    sections = {"uniform rod": Cone(mean, mean), "the paper's cone": Cone(paper.THIN, paper.THICK)}
     rods = {name: Rod(paper.LENGTH, section, paper.YOUNG, paper.DENSITY) for name, section in sections.items()}
-    return {name: System(rod, Rotation(), Ritz(1)) for name, rod in rods.items()}
+    return {name: System(rod, Rotation(), Ritz(1), gravity=0.0) for name, rod in rods.items()}
 
 
-def _frequency_error() -> list[Claim]:
+def _frequency_error(runs) -> list[Claim]:
     uniform, cone = _weightless().values()
     by_strain = float(modal.frequency_error(cone)[0])
     exact = float(continuum.natural_frequencies(cone, 1)[0])
-    by_force = 100 * (float(modal.natural_frequencies(paper.literal())[0]) / exact - 1)
+    by_force = 100 * (float(modal.natural_frequencies(runs["as printed"].system)[0]) / exact - 1)
     return [
         Claim(
             "The model's frequency is √(12/π²) ≅ 1.1 times the exact one.",
@@ -215,13 +226,14 @@ def _frequency_error() -> list[Claim]:
 
 def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Tips let go from uniform stretch: exact series and simulated model, over four travel times of a wave."""
-    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, 801), {}
+    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, paper.SAMPLES), {}  # as many as in Figure 2, for its program
+    shown = slice(None, None, paper.SAMPLES // 800)
     for name, system in _weightless().items():
-        ts = jnp.asarray(tau * paper.LENGTH / float(paper.rod().wave_speed))
-        exact = continuum.release(system, jnp.asarray(strain), ts)
-        model = simulate(system, system.state(strain=strain), ts=ts).strain * paper.LENGTH
-        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), np.asarray(model) / (strain * paper.LENGTH))
-    return tau, tips
+        ts = tau * paper.LENGTH / math.sqrt(paper.YOUNG / paper.DENSITY)
+        exact = continuum.release(system, jnp.asarray(strain), jnp.asarray(ts[shown]))
+        model = np.asarray(simulate(system, system.state(strain=strain), ts=ts).strain)[shown]
+        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), model / strain)
+    return tau[shown], tips
 
 
 def _release_picture() -> Claim:

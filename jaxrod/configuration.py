@@ -27,7 +27,8 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
 
     It also has XLA compile the time loop of a block of scenes into one function, of kernels with several results and
     with the widest vectors of the machine: without it sweeps take about three times as long.  It adds to what `$XLA_FLAGS`
-    holds, but leaves an `xla_backend_extra_options` of your own alone.
+    holds, but leaves an `xla_backend_extra_options` of your own alone.  LAPACK gets one thread, unless
+    `$OPENBLAS_NUM_THREADS` says otherwise.
 
     **Raises:** `RuntimeError` if JAX has already computed something: some settings would come too late.
 
@@ -39,6 +40,8 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     # `simulate` checks its inputs itself and reports trouble by result codes.
     late = "equinox" in sys.modules
     os.environ.setdefault("EQX_ON_ERROR", "nan")
+    # Threads of LAPACK's own would fight for the cores that the devices work on.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["XLA_FLAGS"] = _flags(os.environ.get("XLA_FLAGS", ""))
     import jax
 

@@ -43,6 +43,9 @@ class Flat(AbstractSplit):
 
     def through(self, scheme, table, visit, carry, backwards=False):
         del table
+        # A program within the program, which the stages call with their numbers: traced once, and written out by XLA.
+        # Not backwards, where it takes half as long again.
+        visit = visit if backwards else jax.jit(visit)
         for stage in reversed(scheme.stages) if backwards else scheme.stages:
             carry = visit(carry, stage, None)
         return carry
@@ -70,17 +73,17 @@ class Flat(AbstractSplit):
 
     def force(self, t, q: Numbers) -> Numbers:
         """All loads on q, per inertia: minus the gradient of V, and those without a potential."""
-
-        def force(scene, loads, t, q):
-            push = -jax.grad(_embedded_potential, argnums=1)(scene, q)
-            if loads is None:
-                return push
-            return push + Moving(loads, Embedded()).force(t, q, jnp.zeros_like(q)) / loads.body.mass_matrix[0, 0]
-
-        return by_number(force)(*self.numbers, t, q)
+        return by_number(_force)(*self.numbers, t, q)
 
     def lowest_strain(self, phases):
         return jnp.sqrt(least([sum(x * x for x in y.q) for y in phases])) - 1
+
+
+def _force(scene: Scene, loads: Scene | None, t, q):
+    push = -jax.grad(_embedded_potential, argnums=1)(scene, q)
+    if loads is None:
+        return push
+    return push + Moving(loads, Embedded()).force(t, q, jnp.zeros_like(q)) / loads.body.mass_matrix[0, 0]
 
 
 def _embedded_potential(scene: Scene, q):

@@ -86,9 +86,8 @@ def by_number(function: Callable[..., Any]) -> Callable[..., Any]:
     def evaluate(*args):
         leaves, tree = jax.tree.flatten(args, is_leaf=lambda x: isinstance(x, Numbers))
         shapes = [jax.ShapeDtypeStruct(np.shape(_table(x)), _dtype(x)) for x in leaves]
-        closed, out = jax.make_jaxpr(lambda *args: function(*args), return_shape=True)(
-            *jax.tree.unflatten(tree, shapes)
-        )
+        # JAX keeps what it traced of one and the same function: the stages of a step trace their force once.
+        closed, out = jax.make_jaxpr(function, return_shape=True)(*jax.tree.unflatten(tree, shapes))
         tables = _evaluate(
             closed.jaxpr, [_scattered_table(c) for c in closed.consts], [_table(x) for x in leaves], Arithmetic()
         )

@@ -72,7 +72,12 @@ def frequency_error(system: System) -> Float[Array, " n"]:
     [10.27]
     """
     frequencies = natural_frequencies(system)
-    return 100 * (frequencies / continuum.natural_frequencies(system, frequencies.shape[0]) - 1)
+    return _percent_above(frequencies, continuum.natural_frequencies(system, frequencies.shape[0]))
+
+
+@checks.at_once
+def _percent_above(found, exact):
+    return 100 * (found / exact - 1)
 
 
 def critical_rate(system: System) -> Float[Array, ""]:

@@ -133,6 +133,7 @@ class State(eqx.Module):
         return self.direction.shape[-1] == 2
 
     @property
+    @checks.at_once
     def angle(self) -> Float[Array, "*batch"]:
         """Angle above the horizontal in rad: counted over all turns in the plane, in [-pi/2, pi/2] in space."""
         if self.planar:
@@ -140,6 +141,7 @@ class State(eqx.Module):
         return jnp.arctan2(self.direction[..., 2], _horizontal(self.direction)[1])
 
     @property
+    @checks.at_once
     def rate(self) -> Float[Array, "*batch"]:
         """Rate of `angle` in rad/s."""
         d, rate = self.direction, self.direction_rate
@@ -149,12 +151,14 @@ class State(eqx.Module):
         return cos * rate[..., 2] - d[..., 2] * jnp.sum(outward * rate[..., :2], axis=-1)
 
     @property
+    @checks.at_once
     def azimuth(self) -> Float[Array, "*batch"]:
         """Angle about the vertical in rad, counted over all turns; undefined at the pole.  In space only."""
         self._in_space("azimuth")
         return heading(self.direction) + 2 * jnp.pi * self.turns
 
     @property
+    @checks.at_once
     def azimuth_rate(self) -> Float[Array, "*batch"]:
         """Rate of `azimuth` in rad/s; zero at the pole, where it is undefined.  In space only."""
         self._in_space("azimuth_rate")

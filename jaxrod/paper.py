@@ -8,6 +8,7 @@ import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 
 from .basis import Ritz
 from .limits import model_limits
@@ -109,13 +110,13 @@ def omissions() -> list[tuple[str, str]]:
     return [
         (
             "bending",
-            f"first frequency {limits.bending_frequencies[0]:.2f} Hz (hinged at the thin end), beside "
+            f"first frequency {np.asarray(limits.bending_frequencies)[0]:.2f} Hz (hinged at the thin end), beside "
             f"{limits.axial_frequency:.1f} Hz axial and {SPIN / (2 * math.pi):.2f} Hz of spin: this rod would not stay "
             "straight",
         ),
         (
             "lateral inertia",
-            f"lowers the axial frequency by {100 * limits.lateral_inertia:.4f} % (Poisson's ratio 0.5)",
+            f"lowers the axial frequency by {100 * float(limits.lateral_inertia):.4f} % (Poisson's ratio 0.5)",
         ),
         ("large strain", "Hooke's law is taken for any strain; here it stays below 2.5 %"),
     ]

@@ -18,8 +18,7 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, Any], until: flo
 
     `slow` holds the slow bands of rate and strain (T,), drawn over the signals; `until` is the end of the axis in s.
     """
-    figure = Figure(figsize=(5.2 * len(solutions), 5.0), layout="constrained")
-    axes = figure.subplots(2, len(solutions), sharex=True, sharey="row", squeeze=False)
+    figure, axes = _columns(len(solutions), 2, height=5.0, bottom=0.5, top=0.65, sharex=True, sharey="row")
     for column, (name, solution) in zip(axes.T, solutions.items(), strict=True):
         shown = np.asarray(solution.ts) <= until
         t = np.asarray(solution.ts)[shown]
@@ -42,7 +41,7 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, Any], until: flo
                 axis.set_ylabel(label)
         column[0].set_title(name, fontsize=10)
         column[1].set_xlabel("time, s")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=2, fontsize=9)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="upper center", ncols=2, fontsize=9)
     return figure
 
 
@@ -51,18 +50,25 @@ def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) 
 
     `tau` is time over the travel time of a wave along the rod; displacements are over the initial one.
     """
-    figure = Figure(figsize=(5.2 * len(tips), 3.0), layout="constrained")
-    axes = figure.subplots(1, len(tips), sharey=True, squeeze=False)[0]
-    for axis, (name, (exact, model)) in zip(axes, tips.items(), strict=True):
+    figure, axes = _columns(len(tips), 1, height=3.0, bottom=0.5, top=0.3, sharey=True)
+    for axis, (name, (exact, model)) in zip(axes[0], tips.items(), strict=True):
         axis.plot(tau, exact, color=_BLUE, linewidth=1.4, label="exact rod")
         axis.plot(tau, model, color=_ORANGE, linewidth=1.2, linestyle="--", label="uniform strain (the paper)")
         axis.axhline(0, color=_GREY, linewidth=0.5)
         axis.set_title(name, fontsize=10)
         axis.set_xlabel("time / travel time of a wave")
         axis.grid(alpha=0.25)
-    axes[0].set_ylabel("tip displacement / initial")
-    axes[0].legend(loc="lower right", fontsize=8)
+    axes[0, 0].set_ylabel("tip displacement / initial")
+    axes[0, 0].legend(loc="lower right", fontsize=8)
     return figure
+
+
+def _columns(columns: int, rows: int, height: float, bottom: float, top: float, **shared: Any) -> tuple[Figure, Any]:
+    """A figure and its axes, with margins in inches: a layout that is searched for draws everything twice."""
+    width = 5.2 * columns
+    figure = Figure(figsize=(width, height))
+    figure.subplots_adjust(0.75 / width, bottom / height, 1 - 0.1 / width, 1 - top / height, wspace=0.05, hspace=0.06)
+    return figure, figure.subplots(rows, columns, squeeze=False, **shared)
 
 
 def tradeoff(found: Tradeoff, title: str = "") -> Figure:

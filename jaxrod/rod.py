@@ -79,14 +79,14 @@ class Rod(eqx.Module):
             raise ValueError(
                 f"breaks hold {outside[0]:.6g} m, outside of 0 < s < length={checks.shown(self.length)} m."
             )
-        if checks.fails(lambda covers: covers, self.section.covers(self.length)):
+        s, area, modulus, density, covers = _profiles(self)
+        if checks.fails(lambda covers: covers, covers):
             positions = checks.shown(getattr(self.section, "positions", ()))
             raise ValueError(f"Table(positions={positions}) must reach from 0 to length={checks.shown(self.length)} m.")
-        s, _ = self.quadrature()
         for name, values, unit in (
-            ("section has area", self.area(s), "m^2"),
-            ("young is", self.modulus(s), "Pa"),
-            ("density is", self.mass_density(s), "kg/m^3"),
+            ("section has area", area, "m^2"),
+            ("young is", modulus, "Pa"),
+            ("density is", density, "kg/m^3"),
         ):
             if checks.fails(lambda x: (x > 0) & np.isfinite(x), values):
                 first = int(np.argmin((np.asarray(values) > 0) & np.isfinite(values)))
@@ -94,8 +94,8 @@ class Rod(eqx.Module):
                     f"{name} {float(values[first]):.3g} {unit} at s={float(s[first]):.4g} m; it must be positive all "
                     f"along the rod (0 < s < length={float(self.length):.4g} m)."
                 )
-        if checks.fails(lambda E, rho: _FASTEST_SOLID**2 * rho >= E, self.modulus(s), self.mass_density(s)):
-            fastest = np.sqrt(np.max(np.asarray(self.modulus(s)) / np.asarray(self.mass_density(s))))
+        if checks.fails(lambda E, rho: _FASTEST_SOLID**2 * rho >= E, modulus, density):
+            fastest = np.sqrt(np.max(np.asarray(modulus) / np.asarray(density)))
             warnings.warn(
                 f"wave speed sqrt(young/density) = {fastest:.3g} m/s is beyond any solid (diamond 1.8e4 m/s): is "
                 f"young={checks.brief(self.young)} in Pa and density={checks.brief(self.density)} in kg/m^3? (The paper "
@@ -174,6 +174,7 @@ class Rod(eqx.Module):
     # ---- as a whole
 
     @property
+    @checks.at_once
     def wave_speed(self) -> Float[Array, ""]:
         """Speed of axial waves sqrt(E / rho) in m/s; of a composite rod, length over the time from end to end."""
         if not isinstance(self.young, Profile) and not isinstance(self.density, Profile):
@@ -182,6 +183,7 @@ class Rod(eqx.Module):
         return self.length / jnp.sum(ds * jnp.sqrt(self.mass_density(s) / self.modulus(s)))
 
     @property
+    @checks.at_once
     def volume(self) -> Float[Array, ""]:
         """int A ds in m^3."""
         s, _ = self.quadrature()
@@ -194,11 +196,13 @@ class Rod(eqx.Module):
         return moment if self.tip_mass is None else moment + self.tip_mass * weight(self.length)
 
     @property
+    @checks.at_once
     def mass(self) -> Float[Array, ""]:
         """int rho A ds in kg, and the body at the tip."""
         return self._mass_moment(jnp.ones_like)
 
     @property
+    @checks.at_once
     def stiffness(self) -> Float[Array, ""]:
         """Axial rigidity summed over the length, int E A ds in N m: c l0^2 of the uniform strain."""
         s, _ = self.quadrature()
@@ -214,6 +218,7 @@ class Rod(eqx.Module):
         return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 
     @property
+    @checks.at_once
     def center_of_mass(self) -> Float[Array, ""]:
         """Distance x_C of the centre of mass from the root in m, unstretched."""
         return self.first_moment() / self.mass
@@ -225,6 +230,13 @@ class Rod(eqx.Module):
         tip = jnp.stack([jnp.zeros_like(self.length), *(x for x in (self.tip_mass, self.tip_inertia) if x is not None)])
         inside = jnp.all(jnp.asarray([0.0, *self.breaks]) < self.length) & self.section.covers(self.length)
         return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid() & inside
+
+
+@checks.at_once
+def _profiles(rod: Rod):
+    """Points along the rod, what it is made of there, and whether its section is known all along it."""
+    s, _ = rod.quadrature()
+    return s, rod.area(s), rod.modulus(s), rod.mass_density(s), rod.section.covers(rod.length)
 
 
 class Lumped(eqx.Module):

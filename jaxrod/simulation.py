@@ -153,9 +153,10 @@ def simulate(
     given = [name for name, value in step_keywords.items() if value is not None]
     if tolerance is not None and given:
         raise ValueError(f"tolerance={tolerance} chooses solver and steps itself; leave out {', '.join(given)}.")
-    atol = _step_tolerance(tolerance, dtype)
+    asked = _checked_tolerance(tolerance, dtype)
 
     def adapt(solver, why):
+        atol = jnp.maximum(_LOCAL * asked, _LEAST_LOCAL[asked.dtype.name])
         fitting = None if isinstance(solver, AbstractSymplectic) else chart
         if isinstance(system, System) and fitting is None and not isinstance(solver, AbstractSymplectic):
             fitting = default_chart(system)
@@ -341,7 +342,7 @@ def _times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
     return t0, ts[-1], ts
 
 
-def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
+def _checked_tolerance(tolerance, dtype) -> Float[Array, ""]:
     name = jnp.dtype(dtype).name
     if tolerance is None:
         tolerance = _DEFAULT_TOLERANCE[name]
@@ -351,7 +352,7 @@ def _step_tolerance(tolerance, dtype) -> Float[Array, ""]:
         raise ValueError(
             f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {LEAST_TOLERANCE[name]:.0e}; {other}."
         )
-    return jnp.maximum(_LOCAL * tolerance.astype(dtype), _LEAST_LOCAL[name])
+    return tolerance.astype(dtype)
 
 
 def _check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:

@@ -136,7 +136,10 @@ class AbstractSplit(AbstractStepped):
         """The carry after `visit(carry, stage, known)` at each stage of a step."""
 
     def step(self, scheme, table, t, h, y):
-        return self.through(scheme, table, lambda y, stage, known: self.stage(stage, known, t, h, y), y)
+        def ahead(y, stage, known):
+            return self.stage(stage, known, t, h, y)
+
+        return self.through(scheme, table, ahead, y)
 
 
 class Center(eqx.Module):
@@ -179,7 +182,7 @@ def least(numbers: Iterable) -> Any:
 
 def lowest(amplitudes: Numbers, field: Numbers) -> Any:
     """The least strain at the points where `field` is known."""
-    return least(by_number(lambda a, field: a @ field)(amplitudes, field))
+    return least(by_number(jnp.matmul)(amplitudes, field))
 
 
 def per_inertia(body: Projection) -> Projection:

@@ -98,7 +98,7 @@ class System(eqx.Module):
                 raise ValueError(
                     f"pivot={checks.shown(pivot)} lies beyond the rod; it must be within length={checks.shown(length)} m."
                 )
-            if checks.fails(lambda area: area > 0, self.rod.area(pivot)):
+            if checks.fails(lambda area: area > 0, _area(self.rod, pivot)):
                 raise ValueError(
                     f"pivot={checks.shown(pivot)} m is where the section vanishes, and a pin at a point holds nothing; "
                     "move the pivot or give the end a radius."
@@ -125,7 +125,7 @@ class System(eqx.Module):
     @property
     def body(self) -> Projection:
         """Mass matrix, stiffness matrix and first moments about `origin`."""
-        return self.basis.project(self.rod, self._pivot, self._free)
+        return _projected(self.basis, self.rod, self._pivot, self._free)
 
     # ---- states
 
@@ -172,18 +172,15 @@ class System(eqx.Module):
 
         dtype = checks.float_type(self, given, strains, place)
         given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
-        direction, direction_rate = (_spatial if space else _planar)(**given)
-        turns = (given["azimuth" if space else "angle"] - heading(direction)) / (2 * jnp.pi)
-        return State(
-            direction, direction_rate, **strains, turns=jax.lax.stop_gradient(jnp.round(turns)), **place
-        )  # fmt: skip
+        direction, direction_rate, turns = (_spatial if space else _planar)(given)
+        return State(direction, direction_rate, **strains, turns=turns, **place)
 
     def _amplitudes(self, name, uniform, all_name, amplitudes) -> Float[Array, " n"]:
         n, uniform = self.basis.n, checks.number(name, uniform)
         if amplitudes is None:
             if n == 0 and checks.fails(lambda x: x == 0, uniform):
                 raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
-            return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
+            return _first_alone(uniform, n)
         if checks.fails(lambda x: x == 0, uniform):
             raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
         return checks.number(all_name, amplitudes, (n,))
@@ -364,6 +361,11 @@ class System(eqx.Module):
         return equations.lagrangian
 
 
+@eqx.filter_jit  # asked for in many places of a program, it is traced once for all of them
+def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Projection:
+    return basis.project(rod, pivot, free)
+
+
 _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}
 
 
@@ -382,15 +384,35 @@ def _or_zero(value, zero: Any = 0.0):
     return zero if value is None else value
 
 
-def _planar(angle, rate, **_):
+@checks.at_once
+def _area(rod: Rod, s):
+    return rod.area(s)
+
+
+@checks.at_once
+def _first_alone(uniform, n: int):
+    return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
+
+
+@checks.at_once
+def _planar(given):
+    angle, rate = given["angle"], given["rate"]
     direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-    return direction, rate * jnp.stack([-direction[1], direction[0]])
+    return direction, rate * jnp.stack([-direction[1], direction[0]]), _turns(angle, direction)
 
 
-def _spatial(angle, rate, azimuth, azimuth_rate, **_):
+@checks.at_once
+def _spatial(given):
+    angle, rate, azimuth, azimuth_rate = (given[name] for name in ("angle", "rate", "azimuth", "azimuth_rate"))
     outward = jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth), jnp.zeros_like(azimuth)])
     sideways = jnp.stack([-outward[1], outward[0], outward[2]])
     up = jnp.zeros_like(outward).at[2].set(1.0)
     direction = jnp.cos(angle) * outward + jnp.sin(angle) * up
     elevating = jnp.cos(angle) * up - jnp.sin(angle) * outward
-    return direction, rate * elevating + azimuth_rate * jnp.cos(angle) * sideways
+    direction_rate = rate * elevating + azimuth_rate * jnp.cos(angle) * sideways
+    return direction, direction_rate, _turns(azimuth, direction)
+
+
+def _turns(angle, direction):
+    """Full turns that an angle has made."""
+    return jax.lax.stop_gradient(jnp.round((angle - heading(direction)) / (2 * jnp.pi)))

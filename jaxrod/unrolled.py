@@ -92,10 +92,7 @@ class Whole(AbstractStepped):
         return _ahead(y, h, tableau.b_sol, rates)
 
     def _rate(self, t, y: Split) -> Split:
-        def acceleration(equations, t, q, v):
-            return equations.acceleration(t, q, v)
-
-        return Split(y.p, by_number(acceleration)(self.numbers, t, y.q, y.p))
+        return Split(y.p, by_number(_acceleration)(self.numbers, t, y.q, y.p))
 
     def longest_step(self, scheme, ts):
         # Two steps a period at least: no explicit method follows a vibration that it does not see.
@@ -119,6 +116,10 @@ class Whole(AbstractStepped):
         if n == 0 or isinstance(self.equations, Condensed):
             return jnp.zeros_like(y.q[0])
         return lowest(y.q[size : size + n], self.field)
+
+
+def _acceleration(equations: Moving | Condensed, t, q, v):
+    return equations.acceleration(t, q, v)
 
 
 def _ahead(y: Split, h, weights, rates: list[Split]) -> Split:

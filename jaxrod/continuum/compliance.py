@@ -46,16 +46,21 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 0:
         raise ValueError(f"n={n!r} must be a whole number of frequencies, 0 or more.")
-    ends = panel_ends(rod, [] if pivot is None else [pivot])
+    ends, s, time = _travel(rod, pivot)
     share = 1.0
-    if checks.known(ends):
-        s, ds = rod.quadrature()
-        time = ds * jnp.sqrt(rod.mass_density(s) / rod.modulus(s))
-        if checks.known(time):
-            by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
-            share = float(by_panel.max() / by_panel.sum())
+    if checks.known(ends) and checks.known(time):
+        by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
+        share = float(by_panel.max() / by_panel.sum())
     needed = 12 + 48 / (ends.size - 1) + 1.7 * n * share
     return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
+
+
+@checks.at_once
+def _travel(rod: Rod, pivot: Any):
+    """Ends of the panels; points along the rod and the time in s a wave takes past each."""
+    s, ds = rod.quadrature()
+    ends = panel_ends(rod, [] if pivot is None else [pivot])
+    return ends, s, ds * jnp.sqrt(rod.mass_density(s) / rod.modulus(s))
 
 
 class Axial(NamedTuple):

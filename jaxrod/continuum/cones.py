@@ -10,7 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .. import checks
-from ..quadrature import gauss
+from ..quadrature import Panels
 from ..rod import Rod
 from ..section import Cone, Profile, Uniform
 from .compliance import support
@@ -55,9 +55,14 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     **Raises:** `ValueError` unless the rod is a `Uniform` or `Cone` of one material, held at its root.
     """
     rod, root, tip = _cone_held_at_root(system)
+    return _release(rod, root, tip, jnp.asarray(strain), jnp.asarray(ts), n)
+
+
+@eqx.filter_jit
+def _release(rod: Rod, root, tip, strain, ts: Float[Array, " T"], n: int) -> Float[Array, " T"]:
     kappa = held_free(root, tip, n)
-    x, w = gauss(2 * n)
-    x, w = jnp.asarray((x + 1) / 2), jnp.asarray(w / 2)
+    waves = Panels(jnp.linspace(0.0, 1.0, n // 2 + 2), 16)  # a wave of the highest mode to a panel, or less
+    x, w = waves.s, waves.ds
     radius = root + (tip - root) * x
     mode = jnp.sin(kappa[:, None] * x[None, :])  # radius * u
     weight = (mode @ (w * radius * x)) / (mode**2 @ w)
