@@ -267,9 +267,10 @@ def main() -> None:
     text = "\n\n".join(
         [
             "## How many shapes does a rod need?",
-            "`python benchmarks/convergence.py`: `jaxrod.natural_frequencies` of a basis with n shapes against `jaxrod.continuum.natural_frequencies`, the "
-            f"rod held at its root by `Rotation()` unless said. {LENGTH:g} m, {YOUNG:g} Pa, {DENSITY:g} kg/m³; cones by "
-            "tip : root radius, steps 4 : 1 in area in the middle, the measured radii from `notebooks/measured_radii.csv`.",
+            "`python benchmarks/convergence.py`: `jaxrod.natural_frequencies` of a basis with n shapes against "
+            "`jaxrod.continuum.natural_frequencies`, the rod held at its root by `Rotation()` unless said. "
+            f"{LENGTH:g} m, {YOUNG:g} Pa, {DENSITY:g} kg/m³; cones by tip : root radius, steps 4 : 1 in area in the middle, "
+            "the measured radii from `notebooks/measured_radii.csv`.",
             "![Errors against the number of shapes](convergence.png)",
             "Strong lines and marks f1, pale lines f2 and f3; dotted 1e-6. `Ritz` and `ForceRitz` coincide on a uniform rod.",
             "### What to choose",

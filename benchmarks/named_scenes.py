@@ -23,9 +23,10 @@ ADVICE = {
     "cone-started-steadily": "The same cone, the same spin, already stretched by it: nothing rings, and uniform strain or even a "
     "strain that follows its loads (`QuasiStatic`) is good for most purposes. Start as the real rod starts; if it was "
     "brought up to speed slowly, say so (`at_rest`, `equilibrium(spin=)`).",
-    "steel-link": "Steel under its own weight does not stretch enough to be seen. Take `Ritz(0)`: it is rigid, the cheapest by "
-    "far, and its error is what 2 delta omega T foretells. Ask for more only if the stretch itself is wanted; then `QuasiStatic`.",
-    "rotor-near-critical": "Near the critical spin the rod is soft, its shape strongly bent away from uniform, and a few per cent of "
+    "steel-link": "Steel under its own weight does not stretch enough to be seen. Take `Ritz(0)`: it is rigid, the cheapest "
+    "by far, and its error is what 2 delta omega T foretells. Ask for more only if the stretch itself is wanted; then"
+    " `QuasiStatic`.",
+    "rotor-near-critical": "Near the critical spin the rod is soft, its strain far from uniform, and a few per cent of "
     "error in the frequency are a large error in the stretch. Uniform strain is of no use here; take three shapes or "
     "more, and look at `critical_rate` first.",
     "tether": "A light rod with a heavy tip stretches almost uniformly: one shape is right to the part in which the rod weighs "

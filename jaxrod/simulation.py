@@ -301,7 +301,8 @@ def _check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart |
 
 def _check_multistep(system: Any, solver: AbstractMultistep, alone: bool) -> None:
     name = type(solver).__name__
-    if not isinstance(system, System) or system.unsplit or not system.splits_flat:
+    free = isinstance(system, System) and not isinstance(system.motion, Driven)
+    if not (free and system.splits_flat) or system.unsplit:
         raise ValueError(
             f"solver={name}() is for uniform strain (Ritz(1)) in float64 that moves freely, without forces that depend on rates; "
             "take ABA864(), or leave out solver=."

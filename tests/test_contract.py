@@ -55,6 +55,8 @@ NAMES = [
     "Positive",
     "Profile",
     "QuasiStatic",
+    "QuinlanTremaine10",
+    "QuinlanTremaine12",
     "Result",
     "Reversible",
     "Ritz",
