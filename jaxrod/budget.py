@@ -82,7 +82,7 @@ def budget_of(
     value, exact = quantity(solution), quantity.exact(system)
     zero, eps = jnp.zeros_like(value), jnp.finfo(value.dtype).eps
     span = jnp.asarray(quantity.span(system), value.dtype)
-    limits = model_limits(system) if isinstance(system.rod, Rod) else None
+    limits = _limits(system) if isinstance(system.rod, Rod) else None
     if exact is not None:
         return Budget(
             value, jnp.abs(value - exact), zero, 100 * eps * jnp.abs(value), span, limits, quantity.name, quantity.unit
@@ -98,6 +98,9 @@ def budget_of(
         model = jnp.abs(fine - more) + jnp.abs(more - less)
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
     return Budget(value, model, step, rounding, span, limits, quantity.name, quantity.unit)
+
+
+_limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run
 
 
 def _nudged(start: State, by: float) -> State:
