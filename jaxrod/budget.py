@@ -1,7 +1,7 @@
 """How wrong is this number?  The error of a run in three parts, each measured by another run.
 
-- *Model*: the same motion with more strain shapes, and with still more; what is left beyond them is taken to be no more
-  than what the last ones changed.
+- *Model*: the same motion with more strain shapes, and with still more; what is left beyond them by errors that fall as
+  1 / shapes, as slowly as those of a strain that jumps.
 - *Step*: the same scene at the least tolerance that its float type reaches.
 - *Rounding*: by how much a start that is off by a relative 1e-7 moves the answer, times the rounding of the numbers,
   times the square root of the number of steps.
@@ -67,10 +67,14 @@ class Budget(eqx.Module):
             parts = ", ".join(
                 f"{name} {float(getattr(self, name)[index]):.1e}" for name in ("model", "step", "rounding")
             )
-            bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else "no bound: the phase is lost"
+            bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else f"no bound: {self._why_not(index)}"
             lines.append(f"{self.name}{at} = {float(self.value[index]):.10g} {self.unit} {bound} ({parts})")
         lines += [] if self.limits is None else [f"left out: {line}" for line in str(self.limits).splitlines()]
         return "\n".join(lines)
+
+    def _why_not(self, index) -> str:
+        failed = not np.isfinite(float(self.model[index] + self.step[index] + self.rounding[index]))
+        return "a finer run did not reach its end" if failed else "the phase is lost"
 
 
 def budget_of(
@@ -93,9 +97,12 @@ def budget_of(
     rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
     model = zero
     if isinstance(system.rod, Rod):
-        bases = [LoadRitz(max(n, system.basis.n + more)) for n, more in _SHAPES]
-        less, more = (quantity(run(*on_rung(system, start, basis), _TOLERANCE[name])) for basis in bases)
-        model = jnp.abs(fine - more) + jnp.abs(more - less)
+        n = system.basis.n
+        few, many = (max(least, n + further) for least, further in _SHAPES)
+        less, more = (quantity(run(*on_rung(system, start, LoadRitz(k)), _TOLERANCE[name])) for k in (few, many))
+        # By both pairs, as either may agree by chance.
+        left = jnp.maximum(_beyond(few, less, many, more), _beyond(n, fine, many, more))
+        model = jnp.abs(fine - more) + left
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
     return Budget(value, model, step, rounding, span, limits, quantity.name, quantity.unit)
 
@@ -103,9 +110,21 @@ def budget_of(
 _limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run
 
 
+def _beyond(few: int, less: Array, many: int, more: Array) -> Array:
+    """What shapes beyond `many` would still change, if the errors of `less` and `more` fall as 1 / shapes."""
+    return jnp.abs(more - less) * few / (many - few)
+
+
 def _nudged(start: State, by: float) -> State:
-    """A start turned by about `by` rad, and faster by that part."""
+    """A start turned by about `by` rad, stretched by that strain, and faster by that part."""
     d = start.direction + by * jnp.ones_like(start.direction)
     d = d / jnp.sqrt(d @ d)
     rate = (1 + by) * start.direction_rate
-    return dataclasses.replace(start, direction=d, direction_rate=rate - d * (d @ rate))
+    amplitudes, amplitude_rates = start.amplitudes + by, (1 + by) * start.amplitude_rates
+    return dataclasses.replace(
+        start,
+        direction=d,
+        direction_rate=rate - d * (d @ rate),
+        amplitudes=amplitudes,
+        amplitude_rates=amplitude_rates,
+    )

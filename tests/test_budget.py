@@ -2,12 +2,14 @@
 
 import dataclasses
 
+import budget_coverage
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxrod
+from jaxrod.continuum import cones
 from jaxrod.ladder import on_rung
 
 # The exact rod of the paper's Figure 2 from a sudden start (unstretched): 80 exact modes and Richardson's limit of finite
@@ -35,6 +37,45 @@ def test_first_frequency_against_the_exact_one(cone):
     budget = jaxrod.simulate(system, start, t1=0.01, budget=jaxrod.FirstFrequency()).budget
     exact = 120.88186175927 / (2 * np.pi)
     np.testing.assert_allclose(budget.model, abs(float(budget.value) - exact), rtol=1e-9)
+
+
+def test_first_frequency_of_cones_in_closed_form():
+    """The bound is the error, to the rounding that it allows for: on the rung that is nearest too."""
+    for motion, form in ((jaxrod.Rotation(), cones.held_free), (jaxrod.Flight(), cones.free_free)):
+        for tip in (0.01, 0.03, 0.06):
+            rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), young=1e7, density=1200.0)
+            system = jaxrod.System(rod, motion, jaxrod.LoadRitz(3))
+            budget = jaxrod.simulate(system, system.state(), t1=1e-3, budget=jaxrod.FirstFrequency()).budget
+            off = abs(budget.value - form(jnp.asarray(0.02), jnp.asarray(tip), 1)[0] * rod.wave_speed / (2 * np.pi))
+            assert off <= budget.bound <= max(10 * off, 1e-12)
+
+
+def test_more_shapes_that_agree_by_chance_are_not_the_truth(cone):
+    """What is left beyond the shapes that were tried is never taken for nothing: errors may fall as slowly as 1 / n."""
+    system, start = _scene(cone, jaxrod.Ritz(3))
+    budget = jaxrod.simulate(system, start, t1=0.5, budget=jaxrod.FinalTip()).budget
+    most = jaxrod.simulate(*on_rung(system, start, jaxrod.LoadRitz(9)), t1=0.5, tolerance=1e-10)
+    changed = jnp.abs(budget.value - most.tip[-1])
+    assert jnp.all(budget.model >= 1.499 * changed)  # 3 of 9 shapes: half of it may still come
+    assert jnp.all(budget.bound <= 10 * changed)
+
+
+def test_driven_near_the_critical_rate_against_the_exact_rod(cone):
+    """A kink in the strain, amplified: the exact rod is inside the bound, and the bound within ten times the error."""
+    rate = 0.9 * jaxrod.continuum.critical_rate(jaxrod.System(cone, jaxrod.Rotation()))
+    system = jaxrod.System(cone, jaxrod.scenes.steady(rate), jaxrod.Ritz(2), gravity=9.81)
+    budget = jaxrod.simulate(system, system.state(), t1=0.3, budget=jaxrod.FinalTip()).budget
+    true = jaxrod.continuum.simulate(system, system.state(), ts=jnp.array([0.3]), modes=32, error=False)
+    off = jnp.abs(budget.value - true.tip[-1])
+    assert jnp.all((off <= budget.bound) & (budget.bound <= 10 * off))
+
+
+def test_a_finer_run_that_fails_is_no_lost_phase():
+    system = jaxrod.paper.literal()
+    budget = jaxrod.simulate(system, system.state(rate=15.0), t1=0.2, budget=jaxrod.FinalAngle()).budget
+    failed, lost = (dataclasses.replace(budget, step=jnp.asarray(step)) for step in (jnp.inf, 1.0))
+    assert "no bound: a finer run did not reach its end" in str(failed) and not bool(failed.bounded)
+    assert "no bound: the phase is lost" in str(lost) and np.isinf(lost.bound)
 
 
 def test_steps_that_are_too_long_are_seen(cone):
@@ -76,6 +117,21 @@ def test_budgets_under_vmap(cone):
     many, one = jax.vmap(parts)(rates), parts(rates[1])
     for a, b in zip(many, one, strict=True):
         np.testing.assert_allclose(a[1], b, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_random_scenes():
+    """One scene of each motion, rung and start: benchmarks/budget_coverage.py has the shares of many."""
+    kinds = [
+        budget_coverage.Kind(motion, rung, begun)
+        for motion in budget_coverage.MOTIONS
+        for rung in budget_coverage.RUNGS
+        for begun in budget_coverage.STARTS
+    ]
+    found = budget_coverage.verdict(list(budget_coverage.look(kinds, 1, seed=3).values()))
+    seen = found["seen"]
+    assert len(seen) >= 0.9 * len(kinds) and seen.sum() > 0.8 * seen.size
+    assert found["inside"][seen].mean() > 0.95 and found["within"][seen].mean() > 0.8
 
 
 @pytest.mark.parametrize("pivot", [0.0, 0.3])
