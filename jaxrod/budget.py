@@ -3,10 +3,12 @@
 - *Model*: the same motion with more strain shapes, and with still more; what is left beyond them by errors that fall as
   1 / shapes, as slowly as those of a strain that jumps.
 - *Step*: the same scene at the least tolerance that its float type reaches.
-- *Rounding*: by how much a start that is off by a relative 1e-7 moves the answer, times the rounding of the numbers,
+- *Rounding*: by how much a start that is off by a relative 1e-10 moves the answer, times the rounding of the numbers,
   times the square root of the number of steps.
 
 An error that reaches a quarter of the range of the quantity is no error bound but a lost phase, and is said to have none.
+Nor is there one beyond the horizon of the motion: where finer steps, or that other start, lead somewhere else, runs agree
+by chance alone.
 """
 
 import dataclasses
@@ -31,13 +33,15 @@ _FLOOR = 1e-12  # no bound is below it
 _LOST = 0.25  # of the range: beyond it the phase is lost
 _SHAPES = ((6, 3), (9, 6))  # of the runs with more shapes: at least, and more than the run itself
 _TOLERANCE = {"float64": 1e-10, "float32": 1e-5}  # of the runs with more shapes
-_NUDGE = {"float64": 1e-7, "float32": 1e-3}
+_NUDGE = {"float64": 1e-10, "float32": 1e-5}
+_APART = 0.25  # of two directors: beyond it runs have nothing to do with each other
 
 
 class Budget(eqx.Module):
     """A quantity of a run and its error; it prints itself.  All in the quantity's unit, of its shape.
 
-    `value`; `model`, `step` and `rounding`, the parts of the error; `span`, the range of the quantity; `limits`, what the
+    `value`; `model`, `step` and `rounding`, the parts of the error; `span`, the range of the quantity; `lost`, whether the
+    run goes beyond the horizon of its motion; `limits`, what the
     model of a straight rod leaves out, in numbers (None for a `Lumped` body, of which `model` is zero: it is its own model).
     """
 
@@ -46,6 +50,7 @@ class Budget(eqx.Module):
     step: Float[Array, "*numbers"]
     rounding: Float[Array, "*numbers"]
     span: Float[Array, ""]
+    lost: Bool[Array, ""]
     limits: ModelLimits | None
     name: str = eqx.field(static=True)
     unit: str = eqx.field(static=True)
@@ -53,7 +58,7 @@ class Budget(eqx.Module):
     @property
     def bounded(self) -> Bool[Array, "*numbers"]:
         """Whether there is a bound: not where the phase is lost."""
-        return self.model + self.step + self.rounding < _LOST * self.span
+        return ~self.lost & (self.model + self.step + self.rounding < _LOST * self.span)
 
     @property
     def bound(self) -> Float[Array, "*numbers"]:
@@ -73,6 +78,8 @@ class Budget(eqx.Module):
         return "\n".join(lines)
 
     def _why_not(self, index) -> str:
+        if self.lost:
+            return "the motion is beyond its horizon"
         failed = not np.isfinite(float(self.model[index] + self.step[index] + self.rounding[index]))
         return "a finer run did not reach its end" if failed else "the phase is lost"
 
@@ -88,12 +95,12 @@ def budget_of(
     span = jnp.asarray(quantity.span(system), value.dtype)
     limits = _limits(system) if isinstance(system.rod, Rod) else None
     if exact is not None:
-        return Budget(
-            value, jnp.abs(value - exact), zero, 100 * eps * jnp.abs(value), span, limits, quantity.name, quantity.unit
-        )
+        model, rounding = jnp.abs(value - exact), 100 * eps * jnp.abs(value)
+        return Budget(value, model, zero, rounding, span, jnp.asarray(False), limits, quantity.name, quantity.unit)
 
-    fine = quantity(run(system, start, LEAST_TOLERANCE[name]))
-    moved = jnp.abs(quantity(run(system, _nudged(start, _NUDGE[name]))) - value) / _NUDGE[name]
+    finer, nudged = run(system, start, LEAST_TOLERANCE[name]), run(system, _nudged(start, _NUDGE[name]))
+    fine, lost = quantity(finer), _part(solution, finer) | _part(solution, nudged)
+    moved = jnp.abs(quantity(nudged) - value) / _NUDGE[name]
     rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
     model = zero
     if isinstance(system.rod, Rod):
@@ -104,10 +111,18 @@ def budget_of(
         left = jnp.maximum(_beyond(few, less, many, more), _beyond(n, fine, many, more))
         model = jnp.abs(fine - more) + left
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
-    return Budget(value, model, step, rounding, span, limits, quantity.name, quantity.unit)
+    return Budget(value, model, step, rounding, span, lost, limits, quantity.name, quantity.unit)
 
 
 _limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run
+
+
+def _part(one: Solution, other: Solution) -> Bool[Array, ""]:
+    """Whether two runs point elsewhere at a time that both saved."""
+    if not (isinstance(one.states, State) and isinstance(other.states, State) and one.ts.shape == other.ts.shape):
+        return jnp.asarray(False)
+    square = jnp.sum((one.states.direction - other.states.direction) ** 2, axis=-1)
+    return jnp.any((square > _APART**2) & (one.ts == other.ts))
 
 
 def _beyond(few: int, less: Array, many: int, more: Array) -> Array:

@@ -95,6 +95,24 @@ def test_a_lost_phase_has_no_bound(cone):
     assert "no bound" in str(budget)
 
 
+@pytest.mark.parametrize("quantity", [jaxrod.FinalAngle(), jaxrod.LargestStrain()], ids=lambda x: x.name)
+def test_beyond_the_horizon_there_is_no_bound(quantity):
+    """A spring pendulum in 1 : 2 resonance: starts 1e-12 apart part for good after 90 s, where runs agree by chance."""
+    area = np.pi * 0.025**2
+    spring = jaxrod.Lumped(inertia=400 * area, first_moment=600 * area, stiffness=17658 * area, length=1.0)
+    system = jaxrod.System(spring, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+    start = system.state(angle=-1.5708, strain=0.3333, rate=2.7, strain_rate=-4.8)
+
+    def run(t1, **steps):
+        return jaxrod.simulate(system, start, ts=jnp.linspace(0.0, t1, 201)[1:], **steps)
+
+    within = run(40.0, budget=quantity).budget
+    assert abs(within.value - quantity(run(40.0, tolerance=1e-12))) <= within.bound < 1e-5
+    for t1 in (110.0, 150.0, 200.0):
+        budget = run(t1, budget=quantity).budget
+        assert np.isinf(budget.bound) and "beyond its horizon" in str(budget)
+
+
 def test_own_quantities_and_lumped_bodies():
     """A function of the solution; of a body without shapes there is no error of the model."""
     system = jaxrod.paper.literal()
