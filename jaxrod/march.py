@@ -109,12 +109,18 @@ def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
         y, turns = jax.tree.map(lambda new, old: jnp.where(going, new, old), (y, turns), (walker.y, walker.turns))
         return k + 1, Walker(y, turns, stopped, walker.t, walker.lowest)
 
-    opened = walker._replace(y=split.opened(solver, table, h, y))
+    opened = _moved(split, walker._replace(y=y), split.opened(solver, table, h, y))
     _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, body, (jnp.zeros_like(count), opened))
     end = begin + count * h
     walker = _watched(split, walker, end)
-    y = split.closed(solver, table, h, walker.y)
-    return walker._replace(y=y, t=jnp.where(walker.stopped == 0, end, walker.t))
+    walker = _moved(split, walker, split.closed(solver, table, h, walker.y))
+    return walker._replace(t=jnp.where(walker.stopped == 0, end, walker.t))
+
+
+def _moved(split: AbstractStepped, walker: Walker, y) -> Walker:
+    """The walker at y, which may be on the other side of where turns are counted."""
+    before, after = split.heading(walker.y), split.heading(y)
+    return walker._replace(y=y, turns=walker.turns if after is None else walker.turns + passed(before, after))
 
 
 def _strayed(before, after) -> Int[Array, ""]:
