@@ -15,6 +15,7 @@ side.  Writes the part "coverage" of docs/accuracy_of_budgets.md.
 
 import argparse
 import concurrent.futures
+import multiprocessing
 import os
 import pathlib
 import time
@@ -130,21 +131,18 @@ def one(kind: Kind, p) -> dict[str, np.ndarray]:
 
 
 def look(kinds: list[Kind], each: int, seed: int) -> dict[Kind, dict[str, np.ndarray]]:
-    """`each` scenes of every kind, (each, 5)."""
-    numbers = dict(zip(kinds, np.random.default_rng(seed).uniform(size=(len(kinds), each, 7)), strict=True))
-
-    def of(motion: str):
-        found = {}
-        for kind in (kind for kind in kinds if kind.motion == motion):
-            rows = [one(kind, p) for p in numbers[kind]]
-            found[kind] = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
-            print(*kind, *judged([found[kind]]), flush=True)
-        return found
-
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
-        return {
-            kind: x for part in pool.map(of, dict.fromkeys(kind.motion for kind in kinds)) for kind, x in part.items()
-        }
+    """`each` scenes of every kind, (each, 5); prints what is judged and outside."""
+    found = {}
+    for kind in kinds:
+        place = (MOTIONS.index(kind.motion), list(RUNGS).index(kind.rung), STARTS.index(kind.begun))
+        rows = [one(kind, p) for p in np.random.default_rng([seed, *place]).uniform(size=(each, 7))]
+        found[kind] = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
+        v = verdict([found[kind]])
+        ok = found[kind]["ok"]
+        for i, k in np.argwhere(v["seen"] & ~(v["inside"] & v["within"])):
+            off, bound = (found[kind][name][ok][i, k] for name in ("off", "bound"))
+            print(*kind, f"{NAMES[k]}: error {off:.2e}, bound {bound:.2e}", flush=True)
+    return found
 
 
 def verdict(found: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
@@ -185,8 +183,14 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=576, help="how many, over all kinds (default 576)")
     parser.add_argument("--seed", type=int, default=2, help="of the random numbers (default 2)")
     arguments, began = parser.parse_args(), time.perf_counter()
-    kinds = [Kind(motion, rung, begun) for motion in MOTIONS for rung in RUNGS for begun in STARTS]
-    found = look(kinds, -(-arguments.scenes // len(kinds)), arguments.seed)
+    each = -(-arguments.scenes // (len(MOTIONS) * len(RUNGS) * len(STARTS)))
+    found = {}
+    # A process each, as one cannot hold the programs of all.
+    fresh = multiprocessing.get_context("spawn")
+    with concurrent.futures.ProcessPoolExecutor(os.cpu_count(), fresh, max_tasks_per_child=1) as pool:
+        kinds = [[Kind(motion, rung, begun) for rung in RUNGS for begun in STARTS] for motion in MOTIONS]
+        for part in pool.map(look, kinds, [each] * len(kinds), [arguments.seed] * len(kinds)):
+            found |= part
     rows = []
     for label in (*MOTIONS, *RUNGS, *STARTS, "all"):
         rows.append([label, *judged([x for kind, x in found.items() if label in (*kind, "all")])])

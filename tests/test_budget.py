@@ -139,16 +139,15 @@ def test_budgets_under_vmap(cone):
 
 @pytest.mark.slow
 def test_random_scenes():
-    """One scene of each motion, rung and start: benchmarks/budget_coverage.py has the shares of many."""
+    """One scene of each motion and start on three rungs: benchmarks/budget_coverage.py has the shares of many."""
     kinds = [
         budget_coverage.Kind(motion, rung, begun)
         for motion in budget_coverage.MOTIONS
-        for rung in budget_coverage.RUNGS
-        for begun in budget_coverage.STARTS
+        for rung, begun in zip(budget_coverage.RUNGS, budget_coverage.STARTS, strict=False)
     ]
-    found = budget_coverage.verdict(list(budget_coverage.look(kinds, 1, seed=3).values()))
+    found = budget_coverage.verdict(list(budget_coverage.look(kinds, 3, seed=3).values()))
     seen = found["seen"]
-    assert len(seen) >= 0.9 * len(kinds) and seen.sum() > 0.8 * seen.size
+    assert len(seen) >= 32 and seen.sum() > 0.8 * seen.size
     assert found["inside"][seen].mean() > 0.95 and found["within"][seen].mean() > 0.8
 
 
