@@ -1,12 +1,14 @@
 """How wrong is this number?  The error of a run in three parts, each measured by another run.
 
-- *Model*: the same motion with more strain shapes, and with still more; what is left beyond them is taken to be no more
-  than what the last ones changed.
+- *Model*: the same motion with more strain shapes, and with still more; what is left beyond them by errors that fall as
+  1 / shapes, as slowly as those of a strain that jumps.
 - *Step*: the same scene at the least tolerance that its float type reaches.
-- *Rounding*: by how much a start that is off by a relative 1e-7 moves the answer, times the rounding of the numbers,
+- *Rounding*: by how much a start that is off by a relative 1e-10 moves the answer, times the rounding of the numbers,
   times the square root of the number of steps.
 
 An error that reaches a quarter of the range of the quantity is no error bound but a lost phase, and is said to have none.
+Nor is there one beyond the horizon of the motion: where finer steps, or that other start, lead somewhere else, runs agree
+by chance alone.
 """
 
 import dataclasses
@@ -31,13 +33,15 @@ _FLOOR = 1e-12  # no bound is below it
 _LOST = 0.25  # of the range: beyond it the phase is lost
 _SHAPES = ((6, 3), (9, 6))  # of the runs with more shapes: at least, and more than the run itself
 _TOLERANCE = {"float64": 1e-10, "float32": 1e-5}  # of the runs with more shapes
-_NUDGE = {"float64": 1e-7, "float32": 1e-3}
+_NUDGE = {"float64": 1e-10, "float32": 1e-5}
+_APART = 0.25  # of two directors: beyond it runs have nothing to do with each other
 
 
 class Budget(eqx.Module):
     """A quantity of a run and its error; it prints itself.  All in the quantity's unit, of its shape.
 
-    `value`; `model`, `step` and `rounding`, the parts of the error; `span`, the range of the quantity; `limits`, what the
+    `value`; `model`, `step` and `rounding`, the parts of the error; `span`, the range of the quantity; `lost`, whether the
+    run goes beyond the horizon of its motion; `limits`, what the
     model of a straight rod leaves out, in numbers (None for a `Lumped` body, of which `model` is zero: it is its own model).
     """
 
@@ -46,6 +50,7 @@ class Budget(eqx.Module):
     step: Float[Array, "*numbers"]
     rounding: Float[Array, "*numbers"]
     span: Float[Array, ""]
+    lost: Bool[Array, ""]
     limits: ModelLimits | None
     name: str = eqx.field(static=True)
     unit: str = eqx.field(static=True)
@@ -53,7 +58,7 @@ class Budget(eqx.Module):
     @property
     def bounded(self) -> Bool[Array, "*numbers"]:
         """Whether there is a bound: not where the phase is lost."""
-        return self.model + self.step + self.rounding < _LOST * self.span
+        return ~self.lost & (self.model + self.step + self.rounding < _LOST * self.span)
 
     @property
     def bound(self) -> Float[Array, "*numbers"]:
@@ -67,10 +72,16 @@ class Budget(eqx.Module):
             parts = ", ".join(
                 f"{name} {float(getattr(self, name)[index]):.1e}" for name in ("model", "step", "rounding")
             )
-            bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else "no bound: the phase is lost"
+            bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else f"no bound: {self._why_not(index)}"
             lines.append(f"{self.name}{at} = {float(self.value[index]):.10g} {self.unit} {bound} ({parts})")
         lines += [] if self.limits is None else [f"left out: {line}" for line in str(self.limits).splitlines()]
         return "\n".join(lines)
+
+    def _why_not(self, index) -> str:
+        if self.lost:
+            return "the motion is beyond its horizon"
+        failed = not np.isfinite(float(self.model[index] + self.step[index] + self.rounding[index]))
+        return "a finer run did not reach its end" if failed else "the phase is lost"
 
 
 def budget_of(
@@ -82,27 +93,53 @@ def budget_of(
     value, exact = quantity(solution), quantity.exact(system)
     zero, eps = jnp.zeros_like(value), jnp.finfo(value.dtype).eps
     span = jnp.asarray(quantity.span(system), value.dtype)
-    limits = model_limits(system) if isinstance(system.rod, Rod) else None
+    limits = _limits(system) if isinstance(system.rod, Rod) else None
     if exact is not None:
-        return Budget(
-            value, jnp.abs(value - exact), zero, 100 * eps * jnp.abs(value), span, limits, quantity.name, quantity.unit
-        )
+        model, rounding = jnp.abs(value - exact), 100 * eps * jnp.abs(value)
+        return Budget(value, model, zero, rounding, span, jnp.asarray(False), limits, quantity.name, quantity.unit)
 
-    fine = quantity(run(system, start, LEAST_TOLERANCE[name]))
-    moved = jnp.abs(quantity(run(system, nudged(start, _NUDGE[name]))) - value) / _NUDGE[name]
+    finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, _NUDGE[name]))
+    fine, lost = quantity(finer), _part(solution, finer) | _part(solution, aside)
+    moved = jnp.abs(quantity(aside) - value) / _NUDGE[name]
     rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
     model = zero
     if isinstance(system.rod, Rod):
-        bases = [LoadRitz(max(n, system.basis.n + more)) for n, more in _SHAPES]
-        less, more = (quantity(run(*on_rung(system, start, basis), _TOLERANCE[name])) for basis in bases)
-        model = jnp.abs(fine - more) + jnp.abs(more - less)
+        n = system.basis.n
+        few, many = (max(least, n + further) for least, further in _SHAPES)
+        less, more = (quantity(run(*on_rung(system, start, LoadRitz(k)), _TOLERANCE[name])) for k in (few, many))
+        # By both pairs, as either may agree by chance.
+        left = jnp.maximum(_beyond(few, less, many, more), _beyond(n, fine, many, more))
+        model = jnp.abs(fine - more) + left
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
-    return Budget(value, model, step, rounding, span, limits, quantity.name, quantity.unit)
+    return Budget(value, model, step, rounding, span, lost, limits, quantity.name, quantity.unit)
+
+
+_limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run
+
+
+def _part(one: Solution, other: Solution) -> Bool[Array, ""]:
+    """Whether two runs point elsewhere at a time that both saved."""
+    if not (isinstance(one.states, State) and isinstance(other.states, State) and one.ts.shape == other.ts.shape):
+        return jnp.asarray(False)
+    square = jnp.sum((one.states.direction - other.states.direction) ** 2, axis=-1)
+    return jnp.any((square > _APART**2) & (one.ts == other.ts))
+
+
+def _beyond(few: int, less: Array, many: int, more: Array) -> Array:
+    """What shapes beyond `many` would still change, if the errors of `less` and `more` fall as 1 / shapes."""
+    return jnp.abs(more - less) * few / (many - few)
 
 
 def nudged(start: State, by: float) -> State:
-    """A start turned by about `by` rad, and faster by that part."""
+    """A start turned by about `by` rad, stretched by that strain, and faster by that part."""
     d = start.direction + by * jnp.ones_like(start.direction)
     d = d / jnp.sqrt(d @ d)
     rate = (1 + by) * start.direction_rate
-    return dataclasses.replace(start, direction=d, direction_rate=rate - d * (d @ rate))
+    amplitudes, amplitude_rates = start.amplitudes + by, (1 + by) * start.amplitude_rates
+    return dataclasses.replace(
+        start,
+        direction=d,
+        direction_rate=rate - d * (d @ rate),
+        amplitudes=amplitudes,
+        amplitude_rates=amplitude_rates,
+    )

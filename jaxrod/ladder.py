@@ -3,6 +3,7 @@
 import dataclasses
 from typing import Any
 
+import equinox as eqx
 import jax.numpy as jnp
 
 from . import continuum
@@ -31,6 +32,7 @@ def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System,
     return dataclasses.replace(system, basis=basis), start
 
 
+@eqx.filter_jit
 def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     rod, pivot, free = continuum.support(system)
     panels = rod.panels(_ORDER, () if pivot is None else (pivot,))

@@ -103,9 +103,9 @@ def _unpacked(row: Float[Array, " numbers"], like: Walker) -> Walker:
 def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
     """`count` steps of one size; `moving` is (split, time, step, phase)."""
     split, begin, h, y = moving
-    opened = walker._replace(y=split.opened(solver, table, begin, h, y))
+    opened = _moved(split, walker._replace(y=y), split.opened(solver, table, begin, h, y))
     walker = _stepped(split, solver, table, begin, h, opened, count)
-    return walker._replace(y=split.closed(solver, table, begin + count * h, h, walker.y))
+    return _moved(split, walker, split.closed(solver, table, begin + count * h, h, walker.y))
 
 
 def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: Walker, count) -> Walker:
@@ -137,6 +137,12 @@ def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: 
     end = begin + count * h
     walker = _watched(split, [walker.y], walker, end)
     return walker._replace(t=jnp.where(walker.stopped == 0, end, walker.t))
+
+
+def _moved(split: AbstractStepped, walker: Walker, y) -> Walker:
+    """The walker at y, which may be on the other side of where turns are counted."""
+    before, after = split.heading(walker.y), split.heading(y)
+    return walker._replace(y=y, turns=walker.turns if after is None else walker.turns + passed(before, after))
 
 
 def _strayed(before, after) -> Int[Array, ""]:

@@ -2,12 +2,14 @@
 
 import dataclasses
 
+import budget_coverage
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxrod
+from jaxrod.continuum import cones
 from jaxrod.ladder import on_rung
 
 # The exact rod of the paper's Figure 2 from a sudden start (unstretched): 80 exact modes and Richardson's limit of finite
@@ -37,6 +39,45 @@ def test_first_frequency_against_the_exact_one(cone):
     np.testing.assert_allclose(budget.model, abs(float(budget.value) - exact), rtol=1e-9)
 
 
+def test_first_frequency_of_cones_in_closed_form():
+    """The bound is the error, to the rounding that it allows for: on the rung that is nearest too."""
+    for motion, form in ((jaxrod.Rotation(), cones.held_free), (jaxrod.Flight(), cones.free_free)):
+        for tip in (0.01, 0.03, 0.06):
+            rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), young=1e7, density=1200.0)
+            system = jaxrod.System(rod, motion, jaxrod.LoadRitz(3))
+            budget = jaxrod.simulate(system, system.state(), t1=1e-3, budget=jaxrod.FirstFrequency()).budget
+            off = abs(budget.value - form(jnp.asarray(0.02), jnp.asarray(tip), 1)[0] * rod.wave_speed / (2 * np.pi))
+            assert off <= budget.bound <= max(10 * off, 1e-12)
+
+
+def test_more_shapes_that_agree_by_chance_are_not_the_truth(cone):
+    """What is left beyond the shapes that were tried is never taken for nothing: errors may fall as slowly as 1 / n."""
+    system, start = _scene(cone, jaxrod.Ritz(3))
+    budget = jaxrod.simulate(system, start, t1=0.5, budget=jaxrod.FinalTip()).budget
+    most = jaxrod.simulate(*on_rung(system, start, jaxrod.LoadRitz(9)), t1=0.5, tolerance=1e-10)
+    changed = jnp.abs(budget.value - most.tip[-1])
+    assert jnp.all(budget.model >= 1.499 * changed)  # 3 of 9 shapes: half of it may still come
+    assert jnp.all(budget.bound <= 10 * changed)
+
+
+def test_driven_near_the_critical_rate_against_the_exact_rod(cone):
+    """A kink in the strain, amplified: the exact rod is inside the bound, and the bound within ten times the error."""
+    rate = 0.9 * jaxrod.continuum.critical_rate(jaxrod.System(cone, jaxrod.Rotation()))
+    system = jaxrod.System(cone, jaxrod.scenes.steady(rate), jaxrod.Ritz(2), gravity=9.81)
+    budget = jaxrod.simulate(system, system.state(), t1=0.3, budget=jaxrod.FinalTip()).budget
+    true = jaxrod.continuum.simulate(system, system.state(), ts=jnp.array([0.3]), modes=32, error=False)
+    off = jnp.abs(budget.value - true.tip[-1])
+    assert jnp.all((off <= budget.bound) & (budget.bound <= 10 * off))
+
+
+def test_a_finer_run_that_fails_is_no_lost_phase():
+    system = jaxrod.paper.literal()
+    budget = jaxrod.simulate(system, system.state(rate=15.0), t1=0.2, budget=jaxrod.FinalAngle()).budget
+    failed, lost = (dataclasses.replace(budget, step=jnp.asarray(step)) for step in (jnp.inf, 1.0))
+    assert "no bound: a finer run did not reach its end" in str(failed) and not bool(failed.bounded)
+    assert "no bound: the phase is lost" in str(lost) and np.isinf(lost.bound)
+
+
 def test_steps_that_are_too_long_are_seen(cone):
     """With few steps the error of the steps is the largest part, and is what it is said to be."""
     system, start = _scene(cone, jaxrod.Ritz(3))
@@ -52,6 +93,24 @@ def test_a_lost_phase_has_no_bound(cone):
     budget = jaxrod.simulate(system, start, t1=10.0, budget=jaxrod.FinalAngle()).budget
     assert not bool(budget.bounded) and np.isinf(budget.bound)
     assert "no bound" in str(budget)
+
+
+@pytest.mark.parametrize("quantity", [jaxrod.FinalAngle(), jaxrod.LargestStrain()], ids=lambda x: x.name)
+def test_beyond_the_horizon_there_is_no_bound(quantity):
+    """A spring pendulum in 1 : 2 resonance: starts 1e-12 apart part for good after 90 s, where runs agree by chance."""
+    area = np.pi * 0.025**2
+    spring = jaxrod.Lumped(inertia=400 * area, first_moment=600 * area, stiffness=17658 * area, length=1.0)
+    system = jaxrod.System(spring, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+    start = system.state(angle=-1.5708, strain=0.3333, rate=2.7, strain_rate=-4.8)
+
+    def run(t1, **steps):
+        return jaxrod.simulate(system, start, ts=jnp.linspace(0.0, t1, 201)[1:], **steps)
+
+    within = run(40.0, budget=quantity).budget
+    assert abs(within.value - quantity(run(40.0, tolerance=1e-12))) <= within.bound < 1e-5
+    for t1 in (110.0, 150.0, 200.0):
+        budget = run(t1, budget=quantity).budget
+        assert np.isinf(budget.bound) and "beyond its horizon" in str(budget)
 
 
 def test_own_quantities_and_lumped_bodies():
@@ -76,6 +135,20 @@ def test_budgets_under_vmap(cone):
     many, one = jax.vmap(parts)(rates), parts(rates[1])
     for a, b in zip(many, one, strict=True):
         np.testing.assert_allclose(a[1], b, rtol=1e-3)
+
+
+@pytest.mark.slow
+def test_random_scenes():
+    """One scene of each motion and start on three rungs: benchmarks/budget_coverage.py has the shares of many."""
+    kinds = [
+        budget_coverage.Kind(motion, rung, begun)
+        for motion in budget_coverage.MOTIONS
+        for rung, begun in zip(budget_coverage.RUNGS, budget_coverage.STARTS, strict=False)
+    ]
+    found = budget_coverage.verdict(list(budget_coverage.look(kinds, 3, seed=3).values()))
+    seen = found["seen"]
+    assert len(seen) >= 32 and seen.sum() > 0.8 * seen.size
+    assert found["inside"][seen].mean() > 0.95 and found["within"][seen].mean() > 0.8
 
 
 @pytest.mark.parametrize("pivot", [0.0, 0.3])

@@ -329,3 +329,15 @@ def test_solvers_whose_steps_nobody_counts(cone):
     system = _system(cone)
     with pytest.raises(ValueError, match="n_steps="):
         jaxrod.simulate(system, system.state(), t1=0.1, solver=jaxrod.StormerVerlet())
+
+
+@pytest.mark.parametrize("n_steps", [800, 4000])
+def test_turns_are_counted_where_steps_open_and_close(cone, n_steps):
+    """A run may pass the place where turns are counted in the drift before its first step, or stand just before it."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1))
+    ts = jnp.linspace(0.0, 0.04, 801)[1:]
+    run = {"ts": ts, "n_steps": n_steps, "solver": jaxrod.ABA864()}
+    angle = jaxrod.simulate(system, system.state(angle=np.pi - 0.3, rate=15.0), **run).angle
+    assert jnp.max(jnp.abs(jnp.diff(angle))) < 1e-3
+    just_before = jaxrod.simulate(system, system.state(angle=np.pi - 1e-5, rate=15.0), **run).angle
+    np.testing.assert_allclose(just_before - angle, 0.3, atol=1e-4)
