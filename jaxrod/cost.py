@@ -4,22 +4,26 @@ import importlib.resources
 import json
 from typing import Any
 
-import diffrax
 import jax.numpy as jnp
 import numpy as np
 
 from . import checks
 from .basis import QuasiStatic
 from .motion import Driven
+from .multistep import AbstractMultistep
 from .symplectic import AbstractSymplectic
 from .system import System
 
 _TABLE = importlib.resources.files("jaxrod").joinpath("stage_costs.json")
 
 
-def seconds(system: System, solver: diffrax.AbstractSolver, steps: float) -> float:
+def seconds(system: System, solver: Any, steps: float) -> float:
     """Computing time of one scene among many, on one core of the machine that the table was measured on."""
-    return 1e-9 * steps * stages(solver) * stage(way_of(system, solver), checks.float_type(system), system.basis.n)
+    dtype, n = checks.float_type(system), system.basis.n
+    spent = steps * stages(solver) * stage(way_of(system, solver), dtype, n)
+    if isinstance(solver, AbstractMultistep):
+        spent += solver.starting_stages * stage("flat", dtype, n)
+    return 1e-9 * spent
 
 
 def stage(way: str, dtype: Any, n: int) -> float:
@@ -31,11 +35,15 @@ def stage(way: str, dtype: Any, n: int) -> float:
 
 def stages(solver: Any) -> int:
     """Evaluations of the forces in a step."""
+    if isinstance(solver, AbstractMultistep):
+        return 1
     return len(solver.kicks) if isinstance(solver, AbstractSymplectic) else solver.tableau.num_stages
 
 
-def way_of(system: System, solver: diffrax.AbstractSolver) -> str:
+def way_of(system: System, solver: Any) -> str:
     """The kind of step, as the table has it."""
+    if isinstance(solver, AbstractMultistep):
+        return "multistep"
     if not isinstance(solver, AbstractSymplectic):
         return "condensed" if isinstance(system.basis, QuasiStatic) else "adaptive"
     if isinstance(system.motion, Driven):

@@ -24,6 +24,8 @@ from .lanes import Numbers
 from .splitting import AbstractStepped, Split
 from .symplectic import BlanesMoan6
 
+_STARTER, _SUBSTEPS = BlanesMoan6(), 2  # in a step back
+
 
 class AbstractMultistep(eqx.Module):
     """A symmetric linear multistep method for q'' = f(t, q); explicit, as its first and last beta are zero.
@@ -33,13 +35,18 @@ class AbstractMultistep(eqx.Module):
     for reverse ones take `BlanesMoan6()`.
     """
 
-    accuracy: eqx.AbstractClassVar[int]  # its order
-    alphas: eqx.AbstractClassVar[tuple[int, ...]]
+    accuracy: ClassVar[int]  # its order
+    alphas: ClassVar[tuple[int, ...]]
 
     @property
     def past(self) -> int:
         """How many differences of positions, and accelerations, it looks back on."""
         return len(self.alphas) - 2
+
+    @property
+    def starting_stages(self) -> int:
+        """Evaluations of the forces by which a past is made."""
+        return self.past * _SUBSTEPS * len(_STARTER.kicks)
 
     @property
     def weights(self) -> tuple[float, ...]:
@@ -112,11 +119,11 @@ class Remembered(AbstractStepped):
 
     def opened(self, scheme: AbstractMultistep, table, t, h, y):
         """Runs back for a past, by short steps of another method."""
-        starter, back = BlanesMoan6(), -h / _SUBSTEPS
+        back = -h / _SUBSTEPS
         positions, accelerations = [y.q], [self.flat.force(t, y.q)]
         for k in range(scheme.past):
             for j in range(_SUBSTEPS):
-                y = self.flat.whole_step(starter, None, t + (k * _SUBSTEPS + j) * back, back, y)
+                y = self.flat.whole_step(_STARTER, None, t + (k * _SUBSTEPS + j) * back, back, y)
             positions.append(y.q)
             accelerations.append(self.flat.force(t - (k + 1) * h, y.q))
         differences = tuple(here.moved(-1.0, before) for here, before in itertools.pairwise(positions))
@@ -146,9 +153,6 @@ class Remembered(AbstractStepped):
 
     def lowest_strain(self, phases):
         return self.flat.lowest_strain(phases)
-
-
-_SUBSTEPS = 2  # of `BlanesMoan6` in a step back
 
 
 def irreversible(tree: Any, why: str) -> Any:

@@ -24,6 +24,7 @@ from .choice import Plan, axial_rate, in_type, named
 from .ladder import at_rest, on_rung
 from .load_basis import LoadRitz
 from .motion import Driven, Flight, State
+from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, Measured
 from .rod import Lumped
 from .simulation import default_solver, simulate
@@ -214,11 +215,8 @@ class _Search:
 
     def fewest(self, rung: _Rung, solver: Any, dtype: str) -> _Way | None:
         """The fewest steps with which the rung comes out to its share of the tolerance, sought by the order of the method."""
-        equal, order, enough = (
-            isinstance(solver, AbstractSymplectic),
-            solver.order(None) or 1,
-            _FOR_STEPS * self.tolerance,
-        )
+        equal, enough = by_equal_steps(solver), _FOR_STEPS * self.tolerance
+        order = solver.accuracy if equal else solver.order(None)
         least, steps = (float(self.ts.size), rung.fine_steps / 8) if equal else (1.0, _LOOSE ** (-1 / order))
         found, fewest, failed = None, math.inf, 0.0
         for _ in range(_TRIES):
@@ -242,7 +240,7 @@ class _Search:
     def tried_way(self, rung: _Rung, solver: Any, dtype: str, steps: float, order: int) -> _Way:
         """One run.  Of a solver that adapts its steps `steps` stands for the tolerance, with whose power their number grows."""
         system, start = in_type(dtype, (rung.system, rung.start))
-        if isinstance(solver, AbstractSymplectic):
+        if by_equal_steps(solver):
             setting = float(round(steps))
             value, taken = self.run(system, start, solver=solver, n_steps=round(steps))
         else:
@@ -261,7 +259,7 @@ class _Search:
 
     def planned(self, way: _Way, error: float, met: bool, why: str) -> Plan:
         rung, duration = way.rung, float(self.ts[-1] - self.t0)
-        equal = isinstance(way.solver, AbstractSymplectic)
+        equal = by_equal_steps(way.solver)
         return Plan(
             met=met,
             basis=rung.basis,
@@ -284,9 +282,16 @@ class _Search:
 def solvers(system: System) -> list[Any]:
     """Those worth a try."""
     best = default_solver(system)
-    if not isinstance(best, AbstractSymplectic):
+    if not by_equal_steps(best):
         return [best]
-    return [best, StormerVerlet(), *([ABA864()] if system.splits_flat else [])]
+    if isinstance(system.motion, Driven) or not system.splits_flat:
+        return [best, StormerVerlet()]
+    return [best, StormerVerlet(), ABA864(), QuinlanTremaine10(), QuinlanTremaine12()]
+
+
+def by_equal_steps(solver: Any) -> bool:
+    """Whether a solver takes `n_steps`, and not a tolerance."""
+    return isinstance(solver, AbstractSymplectic | AbstractMultistep)
 
 
 def _apart(a: Any, b: Any) -> float:
