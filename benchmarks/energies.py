@@ -44,9 +44,9 @@ def main() -> None:
             start = system.state(rate=rate)
             split = kind(system.equations(jaxrod.Embedded()).scene, 0.0, start)
             h = 10.0 / STEPS
-            y = split.opened(solver, None, h, split.encode(start))
+            y = split.opened(solver, None, 0.0, h, split.encode(start))
             y = jax.lax.fori_loop(0, STEPS, lambda k, y: split.step(solver, None, k * h, h, y), y)
-            return jnp.stack(list(split.closed(solver, None, h, y).q))
+            return jnp.stack(list(split.closed(solver, None, 10.0, h, y).q))
 
         return tips
 
