@@ -85,7 +85,7 @@ def test_stages_are_undone(cone, name):
             differences = jax.tree.map(lambda a, b: jnp.abs(a - b), back, split.settled(y))
             return y1, jnp.maximum(off, jnp.max(jnp.stack(jax.tree.leaves(differences))))
 
-        return split.through(solver, table, visit, (split.opened(solver, table, t, h, y), 0.0))
+        return split.through(solver, table, visit, (split.opened(solver, table, 0.1, h, y), 0.0))
 
     y0 = split.encode(start)
     y1, off = there_and_back(y0)
