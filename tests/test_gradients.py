@@ -161,6 +161,40 @@ def test_angle_at_the_pole_has_finite_derivatives():
         assert all(np.isfinite(x).all() for x in derivatives)
 
 
+class _Push(eqx.Module):
+    """A force on the tip that grows with time and leans on the direction."""
+
+    growth: jax.Array
+
+    def __call__(self, t, state):
+        return self.growth * jnp.stack([t, state.direction[0]])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("scene", ["loaded", "loaded, uniform", "driven", "flight"])
+@pytest.mark.parametrize("ts", [[0.3, 0.34, 0.5], [0.2, 0.3, 0.4, 0.5]], ids=["uneven", "even"])
+def test_later_starts_save_times_and_loads(scene, ts):
+    """From t0 = 0.2, by modulus, load or drive and the start's strain; all saved states count."""
+    ts = jnp.array(ts)
+
+    def outputs(p, adjoint=None):
+        rod = _rod(1e7 * p[0], 1200.0, 0.02, 0.03, 1.0)
+        basis = jaxrod.Ritz(1 if "uniform" in scene else 2)
+        forces = [jaxrod.TipForce(_Push(30 * p[1]))] if "loaded" in scene else []
+        motion = {"driven": jaxrod.scenes.steady(20 * p[1]), "flight": jaxrod.Flight()}.get(scene, jaxrod.Rotation())
+        system = jaxrod.System(rod, motion, basis, 9.81, forces=forces)
+        moving = {} if scene == "driven" else {"angle": 0.3, "rate": 8.0 * p[1]}
+        start = system.state(**moving, strain=0.02 * p[2])
+        sol = jaxrod.simulate(system, start, t0=0.2, ts=ts, adjoint=adjoint)
+        return jnp.concatenate([sol.tip.ravel(), sol.strain_rate])
+
+    at = jnp.ones(3)
+    reverse = jax.jit(jax.jacrev(outputs))(at)
+    forward = jax.jit(jax.jacfwd(functools.partial(outputs, adjoint=diffrax.ForwardMode())))(at)
+    np.testing.assert_allclose(reverse, forward, rtol=0, atol=1e-8 * np.abs(forward).max())
+    assert np.all(np.abs(forward).max(axis=0) > 1e-4)
+
+
 # ---- frequencies
 
 
