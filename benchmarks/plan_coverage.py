@@ -9,6 +9,7 @@ part "coverage" of docs/accuracy_of_plans.md.
 
 import argparse
 import math
+import time
 from typing import Any, NamedTuple
 
 import jaxrod
@@ -122,10 +123,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--minutes", type=float, default=math.inf, help="draw no more scenes after so many")
     arguments = parser.parse_args()
     rng = np.random.default_rng(arguments.seed)
     found = []
+    begun = time.monotonic()
     for index in tqdm(range(arguments.scenes), unit=" scenes"):
+        if time.monotonic() - begun > 60 * arguments.minutes:
+            break
         scene = drawn(rng, index)
         truth, check = (
             value(scene, *on_rung(scene.system, scene.start, basis), tolerance=1e-12)[0] for basis in (TRUTH, CHECK)
