@@ -31,9 +31,11 @@ ADVICE = {
     "more, and look at `critical_rate` first.",
     "tether": "A light rod with a heavy tip stretches almost uniformly: one shape is right to the part in which the rod weighs "
     "less than its tip. What is left are overtones, weakly rung; two shapes see the first of them.",
-    "impact": "A force that comes at once sends a kink up and down the rod. Errors fall only like a power of the number of "
-    "shapes, however fine the steps. Take as many as the answer needs, `ForceRitz`, which can hold a force at the tip, "
-    "before `LoadRitz`; for the kink itself take the exact rod (`continuum.simulate`).",
+    "impact": "The largest elongation of the whole rod comes out right with one shape: a load that comes at once doubles "
+    "the static one, in the exact rod as in the model. When that is, and what a section in between feels, does "
+    "not: a kink runs up and down the rod, and errors of that fall only like a power of the number of shapes. "
+    "Then take `ForceRitz`, which can hold a force at the tip, before `LoadRitz`; for the kink itself the exact "
+    "rod (`continuum.simulate`).",
     "past-the-pole": "In space there is no pole for the director. The trade is that of the plane: rungs for the start's "
     "ringing, then the fewest steps of a symplectic solver.",
 }  # fmt: skip

@@ -91,5 +91,5 @@ def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     axis.set(xscale="log", yscale="log", xlabel="computing time, s for each simulated second", title=title)
     axis.set_ylabel(f"error of the {found.quantity}, {found.unit}".rstrip(", "))
     axis.grid(alpha=0.25)
-    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, title="best with")
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, title="rung")
     return figure

@@ -13,6 +13,7 @@ from tqdm import tqdm
 
 from . import continuum
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from .choice import in_type, named
 from .ladder import at_rest, on_rung
 from .load_basis import LoadRitz
 from .motion import Driven, State
@@ -158,10 +159,10 @@ def _ways(system: System) -> Iterator[_Way]:
 def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) -> list[Row]:
     """One way, with several steps: one compiled program."""
     scene, begin = _settled(*on_rung(system, start, way.basis), static)
+    scene, begin, ts_ = in_type(way.dtype, (scene, begin, ts))
     solver = default_solver(scene) if way.solver is None else way.solver
-    scene, begin, ts_ = jax.tree.map(
-        lambda x: x.astype(way.dtype) if eqx.is_inexact_array(x) else x, (scene, begin, ts)
-    )
+    if scene.unsplit and isinstance(solver, AbstractSymplectic):
+        return []
     if isinstance(solver, AbstractSymplectic):
         plain = simulate(scene, begin, t0=t0, ts=ts_, throw=False)
         settings = sorted({max(ts.size, int(plain.stats["num_steps"] * x)) for x in _FRACTIONS})
@@ -190,7 +191,7 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
             jax.block_until_ready(run(scene, begin, setting))
             laps.append(time.perf_counter() - lap)
         error = float(jnp.max(jnp.abs(value - true)))
-        rows.append(Row(_named(way.basis), name, way.dtype, int(steps), error, min(laps) / float(ts[-1] - t0)))
+        rows.append(Row(named(way.basis), name, way.dtype, int(steps), error, min(laps) / float(ts[-1] - t0)))
     return rows
 
 
@@ -217,7 +218,7 @@ def _reference(system, start, quantity, t0, ts, static: bool):
         quantity(simulate(*_settled(*on_rung(system, start, basis), static), t0=t0, ts=ts, tolerance=1e-11))
         for basis in (_BEST, LoadRitz(_BEST.n - 3))
     )
-    return best, float(jnp.max(jnp.abs(best - poorer))), _named(_BEST)
+    return best, float(jnp.max(jnp.abs(best - poorer))), named(_BEST)
 
 
 class _AsSolution:
@@ -228,9 +229,3 @@ class _AsSolution:
         self.angle, self.rate, self.tip = exact.angle, exact.rate, exact.tip
         self.energy, self.angular_momentum = exact.energy, exact.angular_momentum
         self.strain = exact.tip_stretch / exact.system.rod.length
-
-
-def _named(basis: AbstractBasis) -> str:
-    if isinstance(basis, QuasiStatic):
-        return f"QuasiStatic({_named(basis.basis)})"
-    return f"{type(basis).__name__}({basis.n})" if basis.n else "rigid"
