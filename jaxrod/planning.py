@@ -129,6 +129,8 @@ class _Search:
         unit, nearest = self.quantity.unit, _Way(truth, None, "float64", 0, 0.0, 0.0, math.inf)
         if not apart <= _FOR_MODEL * self.tolerance:
             why = f"{named(truth.basis)} and the rung below it differ by {apart:.1e} {unit}"
+            if not math.isfinite(apart):
+                why = f"runs with {named(truth.basis)}, or the rung below it, do not reach the end"
             return self.planned(nearest, apart, False, why)
         if not rounding <= _FOR_STEPS * self.tolerance:
             return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
