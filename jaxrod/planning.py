@@ -1,6 +1,6 @@
 """`plan`: the cheapest way to a number that is good enough, found by trying.
 
-1. *What is true?*  Rungs of more and more shapes, until two of them agree to a part of the tolerance.  Where they never do
+1. *What is true?*  Rungs of more and more shapes, until three of them agree to a part of the tolerance.  Where they never do
    (kinks that travel along the rod), or where rounding alone would grow beyond the tolerance, it cannot be met.
 2. *Which rung?*  The cheapest that differs from it by less than half the tolerance.  Rigid and condensed rods are tried only
    where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a rigid rod is off
@@ -128,9 +128,9 @@ class _Search:
         rounding = self.rounding(truth)
         unit, nearest = self.quantity.unit, _Way(truth, None, "float64", 0, 0.0, 0.0, math.inf)
         if not apart <= _FOR_MODEL * self.tolerance:
-            why = f"{named(truth.basis)} and the rung below it differ by {apart:.1e} {unit}"
+            why = f"{named(truth.basis)} may still be off by {apart:.1e} {unit}"
             if not math.isfinite(apart):
-                why = f"runs with {named(truth.basis)}, or the rung below it, do not reach the end"
+                why = f"runs with {named(truth.basis)}, or the rungs below it, do not reach the end"
             return self.planned(nearest, apart, False, why)
         if not rounding <= _FOR_STEPS * self.tolerance:
             return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
@@ -145,21 +145,23 @@ class _Search:
         if not ways:
             return self.planned(nearest, apart, False, "no number of steps was found that reaches it")
         way, known = min(ways, key=lambda found: found[0].cost)
-        why = f"{known:.1e} {unit} from {named(truth.basis)}, with which that below it agrees".replace("  ", " ")
+        why = f"{known:.1e} {unit} from {named(truth.basis)}, with which those below it agree".replace("  ", " ")
         return self.planned(way, known + way.off + rounding, True, why)
 
     def truth(self) -> tuple[_Rung, float]:
-        """The first rung with the answer of the one below it, and how far they are apart."""
+        """The first rung with the answer of those below it, and how far it may be from the truth."""
         if isinstance(self.system.rod, Lumped):
             return self.rung(self.system.basis), 0.0
-        below, rung, apart = None, None, math.inf
+        below: list[_Rung] = []
+        left = [math.inf]
         for n in _SHAPES[2:]:
-            below, rung = rung, self.rung(self.family(n))
-            apart = math.inf if below is None else _apart(rung.value, below.value)
-            if apart <= _AGREED * self.tolerance:
+            rung = self.rung(self.family(n))
+            # What more shapes would still change if errors fall as 1 / shapes, by two pairs: either may agree by chance.
+            left = [_apart(rung.value, x.value) * x.basis.n / (n - x.basis.n) for x in below[-2:]]
+            below.append(rung)
+            if len(left) > 1 and max(left) <= _AGREED * self.tolerance:
                 break
-        assert rung is not None
-        return rung, apart
+        return below[-1], max(left)
 
     def rounding(self, truth: _Rung) -> float:
         """By how much the rounding of the start and of each step moves the answer."""
