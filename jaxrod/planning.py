@@ -156,8 +156,8 @@ class _Search:
         left = [math.inf]
         for n in _SHAPES[2:]:
             rung = self.rung(self.family(n))
-            # What more shapes would still change if errors fall as 1 / shapes, by two pairs: either may agree by chance.
-            left = [_apart(rung.value, x.value) * x.basis.n / (n - x.basis.n) for x in below[-2:]]
+            # What more shapes would still change if errors fall as 1 / shapes^2, by two pairs: either may agree by chance.
+            left = [_apart(rung.value, x.value) * x.basis.n**2 / (n**2 - x.basis.n**2) for x in below[-2:]]
             below.append(rung)
             if len(left) > 1 and max(left) <= _AGREED * self.tolerance:
                 break
