@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import budget_coverage
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -135,20 +134,6 @@ def test_budgets_under_vmap(cone):
     many, one = jax.vmap(parts)(rates), parts(rates[1])
     for a, b in zip(many, one, strict=True):
         np.testing.assert_allclose(a[1], b, rtol=1e-3)
-
-
-@pytest.mark.slow
-def test_random_scenes():
-    """One scene of each motion and start on three rungs: benchmarks/budget_coverage.py has the shares of many."""
-    kinds = [
-        budget_coverage.Kind(motion, rung, begun)
-        for motion in budget_coverage.MOTIONS
-        for rung, begun in zip(budget_coverage.RUNGS, budget_coverage.STARTS, strict=False)
-    ]
-    found = budget_coverage.verdict(list(budget_coverage.look(kinds, 3, seed=3).values()))
-    seen = found["seen"]
-    assert len(seen) >= 32 and seen.sum() > 0.8 * seen.size
-    assert found["inside"][seen].mean() > 0.95 and found["within"][seen].mean() > 0.8
 
 
 @pytest.mark.parametrize("pivot", [0.0, 0.3])
