@@ -8,9 +8,8 @@ import jax.numpy as jnp
 
 from .basis import AbstractBasis, QuasiStatic
 from .equations import eigenvalues
-from .ladder import at_rest, on_rung
+from .ladder import brought
 from .motion import State
-from .rod import Lumped
 from .system import System
 
 
@@ -57,11 +56,7 @@ class Plan(eqx.Module):
         """
         if not self.met:
             raise ValueError(f"tolerance={self}; plan with a larger tolerance.")
-        if not isinstance(system.rod, Lumped):
-            system, start = on_rung(system, start, self.basis)
-        if self.static:
-            start = at_rest(system, start)
-        return in_type(self.dtype, (system, start))
+        return in_type(self.dtype, brought(system, start, self.basis, self.static))
 
     def steps(self, system: System, start: State, t0, t1) -> dict[str, Any]:
         """The keywords of `simulate` for solver and steps of a run from t0 to t1, of a scene on this plan's rung."""
@@ -81,7 +76,7 @@ def axial_rate(system: System, start: State):
     return turning + jnp.sqrt(weight / system.rod.length)
 
 
-def in_type(dtype: str, tree: Any) -> Any:
+def in_type(dtype: Any, tree: Any) -> Any:
     """The tree with its floats in a type."""
     return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
 

@@ -33,6 +33,13 @@ def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System,
 
 
 @eqx.filter_jit
+def brought(system: System, start: State, basis: AbstractBasis, static: bool) -> tuple[System, State]:
+    """The scene on another rung, of which a `Lumped` body has one; `static`: with the strain that rests there."""
+    if not isinstance(system.rod, Lumped):
+        system, start = on_rung(system, start, basis)
+    return system, at_rest(system, start) if static else start
+
+
 def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     rod, pivot, free = continuum.support(system)
     panels = rod.panels(_ORDER, () if pivot is None else (pivot,))

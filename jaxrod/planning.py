@@ -21,11 +21,11 @@ from . import checks, continuum, cost
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .budget import nudged
 from .choice import Plan, axial_rate, in_type, named
-from .ladder import at_rest, on_rung
+from .ladder import brought
 from .load_basis import LoadRitz
 from .motion import Driven, Flight, State
 from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
-from .quantity import AbstractQuantity, FinalAngle, FinalTip, Measured
+from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .rod import Lumped
 from .simulation import default_solver, simulate
 from .stepping import LEAST_TOLERANCE
@@ -105,8 +105,7 @@ def plan(
     if not all(map(checks.known, jax.tree.leaves((system, start)))):
         raise ValueError("the scene is traced; plan one like it before, and follow that plan by tolerance=plan.")
     tolerance = float(checks.positive("tolerance", tolerance, "the quantity's unit"))
-    quantity = FinalTip() if quantity is None else quantity
-    quantity = quantity if isinstance(quantity, AbstractQuantity) else Measured(quantity)
+    quantity = as_quantity(quantity)
     system, start = in_type("float64", (system, start))
     return _Search(system, start, quantity, t0, quantity.times(t0, t1), static, tolerance).plan()
 
@@ -199,11 +198,7 @@ class _Search:
 
     def rung(self, basis: AbstractBasis) -> _Rung:
         if named(basis) not in self.tried:
-            system, start = self.system, self.start
-            if not isinstance(system.rod, Lumped):
-                system, start = on_rung(system, start, basis)
-            if self.static:
-                start = at_rest(system, start)
+            system, start = brought(self.system, self.start, basis, self.static)
             self.tried[named(basis)] = _Rung(basis, system, start, *self.run(system, start, tolerance=_FINE))
         return self.tried[named(basis)]
 

@@ -118,3 +118,10 @@ class Measured(AbstractQuantity):
 
     def span(self, system):
         return jnp.asarray(self.largest)
+
+
+def as_quantity(given: Any) -> AbstractQuantity:
+    """A quantity, a function of a solution as one, or the tip where nothing is given."""
+    if given is None:
+        return FinalTip()
+    return given if isinstance(given, AbstractQuantity) else Measured(given)

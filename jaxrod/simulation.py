@@ -20,12 +20,12 @@ from jaxtyping import Array, Float
 from . import checks
 from .budget import budget_of
 from .chart import AbstractChart, Angles, Director, Embedded, Strains
-from .choice import Plan
+from .choice import Plan, in_type
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, State, check_start
 from .multistep import AbstractMultistep, irreversible
-from .quantity import AbstractQuantity, Measured
+from .quantity import AbstractQuantity, as_quantity
 from .result import Result, SimulationError
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE, best_solver, step_through
@@ -138,7 +138,7 @@ def simulate(
         needed = "a state, made by system.state(angle=..., rate=...)" if isinstance(system, System) else "a pair (q, v)"
         raise ValueError(f"start={start!r} does not fit; this system starts from {needed}.")
     dtype = checks.float_type(system, start)
-    system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
+    system, start = in_type(dtype, (system, start))
     if chart is not None and not (isinstance(chart, AbstractChart) and isinstance(system, System)):
         raise ValueError(
             f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
@@ -222,7 +222,7 @@ def simulate(
             steps = {"tolerance": tolerance, "chart": chart, **step_keywords} if least is None else {"tolerance": least}
             return simulate(system, start, **same, **steps)
 
-        quantity = budget if isinstance(budget, AbstractQuantity) else Measured(budget)
+        quantity = as_quantity(budget)
         solution = dataclasses.replace(solution, budget=budget_of(quantity, system, start, solution, again))
     return solution
 

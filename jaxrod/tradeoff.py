@@ -14,10 +14,10 @@ from tqdm import tqdm
 from . import continuum
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .choice import in_type, named
-from .ladder import at_rest, on_rung
+from .ladder import brought
 from .load_basis import LoadRitz
 from .motion import Driven, State
-from .quantity import AbstractQuantity, FinalTip, Measured
+from .quantity import as_quantity
 from .rod import Lumped
 from .simulation import default_solver, simulate
 from .symplectic import AbstractSymplectic, StormerVerlet
@@ -128,8 +128,7 @@ def tradeoff(
         raise ValueError(f"seconds={seconds} is no time to measure in; give a positive number of seconds.")
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
-    quantity = FinalTip() if quantity is None else quantity
-    quantity = quantity if isinstance(quantity, AbstractQuantity) else Measured(quantity)
+    quantity = as_quantity(quantity)
     ts = quantity.times(t0, t1)
     true, own_error, reference = _reference(system, start, quantity, t0, ts, static)
     ways = list(_ways(system))
@@ -158,7 +157,7 @@ def _ways(system: System) -> Iterator[_Way]:
 
 def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) -> list[Row]:
     """One way, with several steps: one compiled program."""
-    scene, begin = _settled(*on_rung(system, start, way.basis), static)
+    scene, begin = brought(system, start, way.basis, static)
     scene, begin, ts_ = in_type(way.dtype, (scene, begin, ts))
     solver = default_solver(scene) if way.solver is None else way.solver
     if scene.unsplit and isinstance(solver, AbstractSymplectic):
@@ -195,11 +194,6 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
     return rows
 
 
-def _settled(system: System, start: State, static: bool) -> tuple[System, State]:
-    """A start whose strain is at rest, or as it is."""
-    return system, at_rest(system, start) if static else start
-
-
 def _reference(system, start, quantity, t0, ts, static: bool):
     """The answer, how far a poorer reference is from it, and its name."""
     first = 2 * np.pi * float(continuum.natural_frequencies(system, 1)[0])
@@ -215,7 +209,7 @@ def _reference(system, start, quantity, t0, ts, static: bool):
             true, other = (quantity(_AsSolution(x)) for x in (exact, poorer))
             return true, float(jnp.max(jnp.abs(true - other))), "the exact rod"
     best, poorer = (
-        quantity(simulate(*_settled(*on_rung(system, start, basis), static), t0=t0, ts=ts, tolerance=1e-11))
+        quantity(simulate(*brought(system, start, basis, static), t0=t0, ts=ts, tolerance=1e-11))
         for basis in (_BEST, LoadRitz(_BEST.n - 3))
     )
     return best, float(jnp.max(jnp.abs(best - poorer))), named(_BEST)
