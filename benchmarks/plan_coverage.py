@@ -3,12 +3,16 @@
     python benchmarks/plan_coverage.py --scenes 200 --seed 2
 
 Kept: the planned run's error, from 16 shapes, is no larger than the tolerance.  Cheapest: over all rungs, solvers, float
-types and step counts (in factors of 1.4; of two neighbours both must do), stages x measured time of a stage.  Writes the
+types and step counts (in factors of 1.6; of two neighbours both must do), stages x measured time of a stage.  Writes the
 part "coverage" of docs/accuracy_of_plans.md.
 """
 
 import argparse
+import concurrent.futures
+import itertools
 import math
+import multiprocessing
+import pathlib
 import time
 from typing import Any, NamedTuple
 
@@ -17,6 +21,7 @@ import jaxrod
 jaxrod.configure()
 
 import diffrax  # noqa: E402
+import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
@@ -34,8 +39,10 @@ RUNGS = [
     jaxrod.Ritz(0), jaxrod.QuasiStatic(jaxrod.LoadRitz(2)), jaxrod.Ritz(1), jaxrod.ForceRitz(1),
     *(jaxrod.LoadRitz(n) for n in (2, 3, 4, 6, 9)),
 ]  # fmt: skip
+MAPS = pathlib.Path("/proc/self/maps")
 SOLVED = 1 / 3  # of a tolerance: the truth must be known better
-FINER = math.sqrt(2)
+FINER = 1.6
+KINDS = ("rotation", "spherical", "flight", "driven")
 
 
 class Drawn(NamedTuple):
@@ -46,11 +53,11 @@ class Drawn(NamedTuple):
     quantity: Any
 
 
-def drawn(rng: np.random.Generator, index: int) -> Drawn:
+def drawn(kind: str, index: int, seed: int) -> Drawn:
     """Stiff and soft cones, from a thousandth to a third of their critical spin, one to two hundred axial periods."""
-    kind = ("rotation", "spherical", "flight", "driven")[index % 4]
+    rng = np.random.default_rng((seed, KINDS.index(kind), index))
     ends = (jaxrod.FinalTip(), jaxrod.FinalAngle())
-    quantity = jaxrod.LargestStrain() if kind == "driven" else ends[index // 4 % 2]
+    quantity = jaxrod.LargestStrain() if kind == "driven" else ends[index % 2]
     tip = 0.02 * 2 ** rng.uniform(-1, 1)
     rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), young=10 ** rng.uniform(6, 11), density=1200.0)
     first = 2 * np.pi * float(jaxrod.continuum.natural_frequencies(jaxrod.System(rod, jaxrod.Rotation()), 1)[0])
@@ -111,7 +118,7 @@ def search(scene: Drawn, here: tuple, solver, fine_steps: float, truth, best: di
         if all(spent > best[tolerance] for tolerance in TOLERANCES if tolerance >= 1e-6):
             return
         for tolerance in TOLERANCES:
-            if error <= tolerance and before <= FINER**4 * tolerance:
+            if error <= tolerance and before <= FINER**3 * tolerance:
                 best[tolerance] = min(best[tolerance], spent)
         lost = lost + 1 if error >= 0.9 * before else 0  # no longer the steps' error
         if lost > 4 and np.isfinite(error):
@@ -123,15 +130,24 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=2)
-    parser.add_argument("--minutes", type=float, default=math.inf, help="draw no more scenes after so many")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="of each kind draw no more after so many")
     arguments = parser.parse_args()
-    rng = np.random.default_rng(arguments.seed)
-    found = []
-    begun = time.monotonic()
-    for index in tqdm(range(arguments.scenes), unit=" scenes"):
+    # A process for each kind of motion, whose scenes share compiled programs.
+    pool = concurrent.futures.ProcessPoolExecutor(
+        mp_context=multiprocessing.get_context("spawn"), max_tasks_per_child=1
+    )
+    with pool:
+        found = [*itertools.chain(*pool.map(looked_at, KINDS, itertools.repeat(arguments)))]
+    write(found, arguments)
+
+
+def looked_at(kind: str, arguments) -> list[tuple]:
+    """Of each scene of a kind and each tolerance the plan, its true error and the least cost."""
+    found, begun = [], time.monotonic()
+    for index in tqdm(range(-(-arguments.scenes // len(KINDS))), kind, unit=" scenes", position=KINDS.index(kind)):
         if time.monotonic() - begun > 60 * arguments.minutes:
             break
-        scene = drawn(rng, index)
+        scene = drawn(kind, index, arguments.seed)
         truth, check = (
             value(scene, *on_rung(scene.system, scene.start, basis), tolerance=1e-12)[0] for basis in (TRUTH, CHECK)
         )
@@ -142,25 +158,27 @@ def main() -> None:
             least = cheapest(scene, truth) if least is None else least
             plan = jaxrod.plan(scene.system, scene.start, t1=scene.t1, tolerance=tolerance, quantity=scene.quantity)
             error = off(value(scene, scene.system, scene.start, tolerance=plan)[0], truth) if plan.met else np.nan
-            found.append((scene.kind, tolerance, plan, error, least[tolerance]))
+            found.append((kind, tolerance, plan.met, plan.cost, error, least[tolerance]))
             broken = plan.met and not (error <= tolerance and plan.cost <= 3 * least[tolerance])
             if broken or (not plan.met and np.isfinite(least[tolerance])):
-                tqdm.write(f"{index} {scene.kind} error {error:.1e}, least {1e6 * least[tolerance]:.3g} us: {plan}")
-    write(found, arguments)
+                tqdm.write(f"{index} {kind} error {error:.1e}, least {1e6 * least[tolerance]:.3g} us: {plan}")
+        if MAPS.exists() and MAPS.read_bytes().count(b"\n") > 20_000:
+            jax.clear_caches()  # compiled programs are memory maps, of which there are 65,530
+    return found
 
 
 def write(found: list, arguments) -> None:
     rows = []
     groups = [("all", found)]
-    groups += [(kind, [x for x in found if x[0] == kind]) for kind in ("rotation", "spherical", "flight", "driven")]
+    groups += [(kind, [x for x in found if x[0] == kind]) for kind in KINDS]
     groups += [(f"{tolerance:.0e}", [x for x in found if x[1] == tolerance]) for tolerance in TOLERANCES]
     for name, group in groups:
-        met = [x for x in group if x[2].met]
-        unmet = [x for x in group if not x[2].met]
-        kept = sum(error <= tolerance for _, tolerance, _, error, _ in met)
-        cheap = sum(plan.cost <= 3 * least for _, _, plan, _, least in met)
+        met = [x for x in group if x[2]]
+        unmet = [x for x in group if not x[2]]
+        kept = sum(error <= tolerance for _, tolerance, *_, error, _ in met)
+        cheap = sum(spent <= 3 * least for *_, spent, _, least in met)
         right = sum(not np.isfinite(least) for *_, least in unmet)
-        ratios = [plan.cost / least for _, _, plan, _, least in met if np.isfinite(least)]
+        ratios = [spent / least for *_, spent, _, least in met if np.isfinite(least)]
         rows.append([
             name, str(len(group)), share(kept, len(met)), share(cheap, len(met)),
             f"{np.median(ratios):.2f}, {max(ratios):.1f}" if ratios else "-", share(right, len(unmet)),
@@ -168,7 +186,8 @@ def write(found: list, arguments) -> None:
     head = (
         f"## Plans for random scenes\n\n`python benchmarks/plan_coverage.py --scenes {arguments.scenes} --seed "
         f"{arguments.seed}`: scenes of all motions, for 1e-2, 1e-4 and 1e-6 of tip, angle or (driven) largest strain. "
-        "The error is from 16 shapes, the cheapest from a search of all rungs, solvers, types and step counts. "
+        "The error is from 16 shapes, the cheapest from a search of all rungs, solvers, types and step counts.  Left out is "
+        "what 12 and 16 shapes do not tell: whether a tolerance near their difference is met."
         "\n\n"
     )
     columns = [

@@ -30,7 +30,7 @@ from .splitting import (
     with_center,
 )
 
-_SERIES = 7  # terms of cos and sin: exact to rounding for turnings up to half a radian
+_SERIES = 7  # terms of versine and sine: exact to rounding for turnings up to half a radian
 
 
 class AxialModes(eqx.Module):
@@ -93,19 +93,20 @@ class AbstractOscillating(AbstractSplit):
     field: eqx.AbstractVar[Any]
 
     def table(self, scheme, h):
-        """Cosine and sine of each oscillator's angle in the drift of each stage, and in the first drift."""
+        """Versine and sine of each oscillator's angle in the drift of each stage, and in the first drift."""
         drifts = jnp.asarray([stage.drift for stage in scheme.stages], self.modes.rest.dtype)
         circle = jax.lax.stop_gradient(jax.vmap(self._circle)(drifts * h))
         return circle, jax.lax.stop_gradient(self._circle(scheme.drifts[0] * h))
 
     def _circle(self, t):
         angles = [rate * t for rate in self.numbers[0].rates]
-        return [jnp.cos(x) for x in angles], [jnp.sin(x) for x in angles]
+        # By 1 - cos: the rounding of a cosine near one would swell or shrink the oscillation, alike in every step.
+        return [2 * jnp.sin(x / 2) ** 2 for x in angles], [jnp.sin(x) for x in angles]
 
     def _turned(self, circle, t):
         """A known circle of time t, as the function of the rates and of t that it is."""
         angles = [rate * t for rate in self.numbers[0].rates]
-        return [_on_circle(c, s, angle) for c, s, angle in zip(*circle, angles, strict=True)]
+        return [_on_circle(v, s, angle) for v, s, angle in zip(*circle, angles, strict=True)]
 
     def through(self, scheme, table, visit, carry, backwards=False):
         # In a scan: XLA takes several times as long to compile stages written out, which are no faster.
@@ -193,14 +194,15 @@ class Axial(AbstractOscillating):
         """The oscillators under a constant pull for a time t; the director is to turn by l int 1/J dt."""
         modes, square = self.numbers[0], sum(x * x for x in y.p)
         strain, momentum, swept, pulled = [], [], 0.0, 0.0
-        for (c, s), period, arm, eta, p in zip(
+        for (v, s), period, arm, eta, p in zip(
             self._turned(circle, t), modes.periods, modes.arms, y.strain, y.strain_momentum, strict=True
         ):
             drawn = arm * period * period
             off = eta - square * drawn
-            strain.append(square * drawn + (c * off + s * p))
-            momentum.append(c * p - s * off)
-            swept = swept + arm * period * (s * off + (1 - c) * p)
+            lost = s * off + v * p
+            strain.append(eta + (s * p - v * off))
+            momentum.append(p - lost)
+            swept = swept + arm * period * lost
             pulled = pulled + arm * drawn
         turning = y.turning + (t - 2 * (swept + square * pulled * t))
         return y._replace(strain=y.strain.like(strain), strain_momentum=y.strain.like(momentum), turning=turning)
@@ -262,8 +264,8 @@ class Prescribed(AbstractOscillating):
     def _drift(self, circle, t, y: Split):
         pairs = list(zip(self._turned(circle, t), y.strain, y.strain_momentum, strict=True))
         return y._replace(
-            strain=y.strain.like([c * x + s * p for (c, s), x, p in pairs]),
-            strain_momentum=y.strain.like([c * p - s * x for (c, s), x, p in pairs]),
+            strain=y.strain.like([x + (s * p - v * x) for (v, s), x, p in pairs]),
+            strain_momentum=y.strain.like([p - (s * x + v * p) for (v, s), x, p in pairs]),
         )
 
     def _kick(self, t, h, y: Split):
@@ -311,35 +313,35 @@ def _push(modes: AxialModes, scene: Scene, t, eta):
 
 def _back(circle):
     """The same angles backwards."""
-    cos, sin = circle
-    return cos, [-x for x in sin]
+    versine, sin = circle
+    return versine, [-x for x in sin]
 
 
 @jax.custom_jvp
-def _on_circle(cos, sin, angle):
-    """cos(angle) and sin(angle), which are known."""
+def _on_circle(versine, sin, angle):
+    """1 - cos(angle) and sin(angle), which are known."""
     del angle
-    return cos, sin
+    return versine, sin
 
 
 @_on_circle.defjvp
 def _along_circle(known, rates):
-    cos, sin = _on_circle(*known)
-    return (cos, sin), (-sin * rates[2], cos * rates[2])
+    versine, sin = _on_circle(*known)
+    return (versine, sin), (sin * rates[2], (1 - versine) * rates[2])
 
 
 def _rotated(d: Numbers, momentum: Numbers, turning) -> Numbers:
     """The director turned about `momentum` by |momentum| turning."""
     square = sum(x * x for x in momentum) * (turning * turning)
-    cos, sin = 0.0, 0.0
+    versine, sin = 0.0, 0.0
     for k in reversed(range(_SERIES)):
-        cos = cos * square + (-1) ** k / math.factorial(2 * k)
+        versine = versine * square + (-1) ** k / math.factorial(2 * k + 2)
         sin = sin * square + (-1) ** k / math.factorial(2 * k + 1)
-    sin = sin * turning
+    versine, sin = versine * square, sin * turning
     if len(d) == 2:
         x, y = d
         sin = sin * momentum[0]
-        return d.like([cos * x - sin * y, cos * y + sin * x])
+        return d.like([x - (versine * x + sin * y), y + (sin * x - versine * y)])
     (x, y, z), (a, b, c) = d, momentum
     across = (b * z - c * y, c * x - a * z, a * y - b * x)
-    return d.like([cos * u + sin * w for u, w in zip(d, across, strict=True)])
+    return d.like([u + (sin * w - versine * u) for u, w in zip(d, across, strict=True)])

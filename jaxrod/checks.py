@@ -22,13 +22,15 @@ def known(value: Any) -> bool:
     return not isinstance(value, Tracer)
 
 
-def closes_over_traced(value: Any, inside: bool = False, depth: int = 8) -> bool:
+def closes_over_traced(value: Any, inside: bool = False, depth: int = 8, seen: set[int] | None = None) -> bool:
     """Whether a function in `value` has a traced number in its closure, where no pytree sees it.
 
     `inside`: whether `value` itself is in a closure; leaves of pytrees outside are no secret.
     """
-    if isinstance(value, Tracer) or depth == 0:
-        return inside and depth > 0
+    seen = set() if seen is None else seen
+    if isinstance(value, Tracer) or depth == 0 or id(value) in seen:
+        return isinstance(value, Tracer) and inside
+    seen.add(id(value))
     if isinstance(value, list | tuple):
         inner = value
     elif isinstance(value, dict):
@@ -37,12 +39,17 @@ def closes_over_traced(value: Any, inside: bool = False, depth: int = 8) -> bool
         inner = (value.func, value.args, value.keywords)
         inside = inside or not isinstance(value, jax.tree_util.Partial)
     elif isinstance(value, types.FunctionType):
-        inner, inside = (*(_content(cell) for cell in value.__closure__ or ()), value.__defaults__ or ()), True
+        inner = (*(_content(cell) for cell in value.__closure__ or ()), value.__defaults__, value.__kwdefaults__)
+        inside = True
+    elif isinstance(value, types.MethodType):
+        inner = (value.__func__, value.__self__)
     elif isinstance(value, eqx.Module):
         inner = vars(value).values()
+    elif hasattr(value, "__dict__") and not isinstance(value, type | types.ModuleType | jax.Array):
+        inner, inside = vars(value).values(), True  # an object that is no pytree
     else:
         return False
-    return any(closes_over_traced(x, inside, depth - 1) for x in inner)
+    return any(closes_over_traced(x, inside, depth - 1, seen) for x in inner)
 
 
 def _content(cell) -> Any:
@@ -96,6 +103,17 @@ def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array,
     if fails(np.isfinite, array):
         raise ValueError(f"{name}={shown(array)} is not finite; give a finite number in SI units.")
     return array
+
+
+def numbers(name: str, value: Any, what: str) -> Float[Array, " N"]:
+    """`value` as a floating-point array of one axis with an entry at least."""
+    try:
+        shape = jnp.asarray(value).shape
+    except (TypeError, ValueError):
+        shape = (1,)  # `number` says what is wrong
+    if len(shape) != 1 or shape == (0,):
+        raise ValueError(f"{name} has shape {shape}; give {what} in a row, (T,) with T at least 1.")
+    return number(name, value, shape)
 
 
 def positive(name: str, value: Any, unit: str) -> Float[Array, ""]:

@@ -6,7 +6,7 @@ import pathlib
 import sys
 import warnings
 
-_done: list[str] = []
+_done: list[tuple[str, dict]] = []  # what the first call did, and what it was asked
 _said: list[bool] = []
 
 # XLA launches each kernel of a loop by itself unless the loop touches fewer bytes than this: then it becomes one function.
@@ -25,48 +25,71 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
       `$JAXROD_CACHE`, else `~/.cache/jaxrod`; None keeps none.
     - `devices`: how many CPU devices JAX shows, which `sweep` works on; one for each core, if left out.
 
+    **Returns:** a sentence that says what is set.
+
     It also has XLA compile the time loop of a block of scenes into one function, of kernels with several results and
     with the widest vectors of the machine: without it sweeps take about three times as long.  It adds to what `$XLA_FLAGS`
     holds, but leaves an `xla_backend_extra_options` of your own alone.  LAPACK gets one thread, unless
     `$OPENBLAS_NUM_THREADS` says otherwise.
 
-    **Raises:** `RuntimeError` if JAX has already computed something: some settings would come too late.
+    **Raises:** `RuntimeError` if JAX has already computed something, as some settings would come too late, or is kept from
+    the CPU by `$JAX_PLATFORMS`; `ValueError` for a number of devices that makes no sense.
 
-    Importing `jaxrod` sets nothing.  A second call changes nothing and returns what the first one did.
+    Importing `jaxrod` sets nothing.  A second call changes nothing and returns what the first one did; it warns if it asks
+    for something else.
+
+    >>> import jaxrod
+    >>> print(jaxrod.configure())  # doctest: +SKIP
+    jaxrod: float64, 2 CPU devices, compiled programs kept in /home/me/.cache/jaxrod, loops compiled whole
     """
+    asked = {"x64": x64, "cache": cache, "devices": devices}
     if _done:
-        return _done[0]
+        if asked not in (_done[0][1], {"x64": True, "cache": "default", "devices": None}):
+            warnings.warn(f"configure() was called before, and stays: {_done[0][0]}.", stacklevel=2)
+        return _done[0][0]
+    if devices is not None and not (isinstance(devices, int) and devices > 0):
+        raise ValueError(f"devices={devices!r} must be a positive whole number, or None for one a core.")
+    if "cpu" not in os.environ.get("JAX_PLATFORMS", "cpu").lower():
+        raise RuntimeError(
+            f"JAX_PLATFORMS={os.environ['JAX_PLATFORMS']} leaves out the CPU, on which jaxrod computes; unset it, or add cpu."
+        )
     # Diffrax's runtime checks are host callbacks, and a program with callbacks cannot be kept in the compile cache.
     # `simulate` checks its inputs itself and reports trouble by result codes.
-    late = "equinox" in sys.modules
+    late, before = "equinox" in sys.modules, dict(os.environ)
     os.environ.setdefault("EQX_ON_ERROR", "nan")
     # Threads of LAPACK's own would fight for the cores that the devices work on.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     os.environ["XLA_FLAGS"] = _flags(os.environ.get("XLA_FLAGS", ""))
     import jax
 
-    if _SHARED_KERNELS in os.environ["XLA_FLAGS"] and _jaxlib() == (0, 10):
-        _find_extremes_without_pairs()
     devices = _cores() if devices is None else devices
     try:
         jax.config.update("jax_num_cpu_devices", devices)
     except RuntimeError:
+        for name in set(os.environ) - set(before):
+            del os.environ[name]
+        os.environ.update(before)
         raise RuntimeError(
-            "jaxrod.configure() came after JAX's first computation; call it right after the imports."
+            "jaxrod.configure() came after JAX's first computation; call it before anything else touches JAX."
         ) from None
+    if _SHARED_KERNELS in os.environ["XLA_FLAGS"] and _jaxlib() == (0, 10):
+        _find_extremes_without_pairs()
     jax.config.update("jax_enable_x64", x64)
     said = [f"float{64 if x64 else 32}", f"{devices} CPU device{'s' if devices > 1 else ''}"]
     if cache is not None:
-        home = os.environ.get("JAXROD_CACHE", pathlib.Path.home() / ".cache" / "jaxrod")
-        folder = pathlib.Path(home if cache == "default" else cache)
-        jax.config.update("jax_compilation_cache_dir", str(folder))
-        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)  # many small ones add up
-        said.append(f"compiled programs kept in {folder}")
+        home = os.environ.get("JAXROD_CACHE") or pathlib.Path.home() / ".cache" / "jaxrod"
+        folder = pathlib.Path(home if cache == "default" else cache).expanduser()
+        if _writable(folder):
+            jax.config.update("jax_compilation_cache_dir", str(folder))
+            jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)  # many small ones add up
+            said.append(f"compiled programs kept in {folder}")
+        else:
+            said.append(f"compiled programs NOT kept, as {folder} cannot be written: name another in $JAXROD_CACHE")
     said.append("loops compiled whole" if loops_are_whole() else "loops NOT compiled whole: sweeps take longer")
     if late:
         said.append("equinox was imported before: its runtime checks stay on, which keeps programs out of the cache")
-    _done.append("jaxrod: " + ", ".join(said))
-    return _done[0]
+    _done.append(("jaxrod: " + ", ".join(said), asked))
+    return _done[0][0]
 
 
 def loops_are_whole() -> bool:
@@ -86,12 +109,16 @@ def complain_once() -> None:
     if _said:
         return
     _said.append(True)
-    if not (_done and "NOT" not in _done[0]) and not loops_are_whole():
-        warnings.warn(
-            "XLA does not compile the time loop into one function here, and the sweep takes about three times as long; "
-            "call jaxrod.configure() before anything else touches JAX.",
-            stacklevel=3,
-        )
+    if (_done and "loops compiled whole" in _done[0][0]) or loops_are_whole():
+        return
+    remedy = "leave xla_backend_extra_options out of $XLA_FLAGS, and jit on"
+    if not _done:
+        remedy = "call jaxrod.configure() before anything else touches JAX"
+    warnings.warn(
+        "XLA does not compile the time loop into one function here, and the sweep takes about three times as long; "
+        f"{remedy}.",
+        stacklevel=3,
+    )
 
 
 def _find_extremes_without_pairs() -> None:
@@ -131,6 +158,14 @@ def _flags(given: str) -> str:
     if "xla_cpu_prefer_vector_width" not in given:
         flags.append("--xla_cpu_prefer_vector_width=512")
     return " ".join(flags)
+
+
+def _writable(folder: pathlib.Path) -> bool:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError:
+        return False
+    return os.access(folder, os.W_OK)
 
 
 def _cores() -> int:

@@ -5,6 +5,7 @@ the number of scenes, so that a scene is computed by the same instructions where
 within a call, and calls go to all devices at once (`configure` shows JAX one device a core).
 """
 
+import math
 import warnings
 from collections.abc import Callable
 from typing import Any
@@ -45,12 +46,15 @@ def sweep(
     - `devices`: how many of JAX's devices to use; all, if left out.
     - `progress`: a bar with rate and remaining time; if left out, on a terminal and for sweeps of more than two seconds.
 
-    **Returns:** the answers of `fn` with a leading axis, in the order of `inputs`.
+    **Returns:** the answers of `fn`, each of shape (scenes, ...), in the order of `inputs`.
+
+    **Raises:** `ValueError` for inputs without a common first axis, and for a block, devices or costs that make no sense.
 
     **Warns** with the count of scenes whose `result` is not ok, and of answers that are not finite.
 
     Memory is that of `inputs`, the answers, and one call of 16 blocks on each device.  Under `jax.jit` and other
-    transformations a sweep is `jax.lax.map` in blocks.
+    transformations a sweep is `jax.lax.map` in blocks: there `order_by`, `devices` and `progress` mean nothing, and the
+    same bits are not promised.
 
     >>> import jax.numpy as jnp, jaxrod
     >>> print(jaxrod.sweep(lambda x: x**2, jnp.arange(4.0), block=3))
@@ -58,11 +62,10 @@ def sweep(
     """
     sizes = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(inputs)}
     if len(sizes) != 1 or sizes & {(), (0,)}:
-        raise ValueError(
-            f"inputs have leading axes {sorted(sizes)}; give arrays of one common length, one entry a scene."
-        )
-    if block < 1 or int(block) != block:
-        raise ValueError(f"block={block} must be a positive whole number of scenes.")
+        shapes = {jax.tree_util.keystr(path) or "inputs": jnp.shape(x) for path, x in jax.tree.leaves_with_path(inputs)}
+        raise ValueError(f"inputs have shapes {shapes}; give arrays of one common first axis, an entry for each scene.")
+    if not isinstance(block, int | np.integer) or block < 1:
+        raise ValueError(f"block={block!r} must be a positive whole number of scenes.")
     if checks.closes_over_traced(fn) or not all(map(checks.known, jax.tree.leaves((fn, inputs)))):
         return jax.lax.map(fn, inputs, batch_size=block)
     workers = _workers(devices)
@@ -95,12 +98,14 @@ def _workers(count: int | None) -> int:
     found = jax.local_device_count()
     if count is None:
         return found
-    if not 1 <= count <= found:
+    if not isinstance(count, int | np.integer) or count < 1:
+        raise ValueError(f"devices={count!r} must be a positive whole number.")
+    if count > found:
         raise ValueError(
             f"devices={count} are not there, JAX has {found}; call jaxrod.configure(devices={count}) before anything "
             "else touches JAX."
         )
-    return count
+    return int(count)
 
 
 def _on_host(x: Any) -> Any:
@@ -110,9 +115,13 @@ def _on_host(x: Any) -> Any:
 def _order(order_by: Any, inputs, scenes: int) -> np.ndarray:
     if order_by is None:
         return np.arange(scenes)
-    cost = np.asarray(jax.jit(jax.vmap(order_by))(inputs) if callable(order_by) else order_by)
-    if cost.shape != (scenes,):
-        raise ValueError(f"order_by gives {cost.shape} numbers for {scenes} scenes; give one predicted cost a scene.")
+    # In blocks too: of a million scenes at once it would take gigabytes.
+    many = jax.jit(lambda inputs: jax.lax.map(order_by, inputs, batch_size=_LANES))
+    cost = np.asarray(many(inputs) if callable(order_by) else order_by)
+    if cost.shape != (scenes,) or not np.all(np.isfinite(cost)):
+        raise ValueError(
+            f"order_by gives numbers of shape {cost.shape} for {scenes} scenes; give one predicted cost a scene, finite."
+        )
     return np.argsort(cost, kind="stable")
 
 
@@ -151,7 +160,7 @@ def _call(fn, inputs, counts, mesh: Mesh):
         shapes = jax.eval_shape(lanes, jax.tree.map(lambda x: x[0], inputs))
         empty = jax.tree.map(lambda x: jnp.zeros((_BLOCKS, *x.shape), x.dtype), shapes)
         out = jax.lax.fori_loop(0, count[0], block, empty)
-        return jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), out)
+        return jax.tree.map(lambda x: x.reshape(_BLOCKS * _LANES, *x.shape[2:]), out)
 
     run = jax.shard_map(on_device, mesh=mesh, in_specs=(alike, spread, spread), out_specs=spread, check_vma=False)
     return run(arrays, inputs, counts)
@@ -162,11 +171,11 @@ def _store(out: np.ndarray, at: np.ndarray, answer, places: np.ndarray) -> None:
 
 
 def _warn(out: PyTree) -> None:
+    def scenes(trouble: list[np.ndarray]) -> int:
+        return int(np.sum(sum(np.any(x.reshape(len(x), math.prod(x.shape[1:])), axis=1) for x in trouble) > 0))
+
     leaves = jax.tree.leaves(out, is_leaf=lambda x: isinstance(x, Result))
-    failed = sum(int(np.sum(~np.asarray(x == Result.ok))) for x in leaves if isinstance(x, Result))
-    numbers = [np.asarray(x) for x in leaves if eqx.is_inexact_array(x)]
-    scenes = {len(x) for x in numbers}
-    lost = sum(np.any(~np.isfinite(x.reshape(len(x), -1)), axis=1) for x in numbers) if len(scenes) == 1 else 0
-    lost = int(np.sum(np.asarray(lost) > 0))
+    failed = scenes([~np.asarray(x == Result.ok) for x in leaves if isinstance(x, Result)])
+    lost = scenes([~np.isfinite(np.asarray(x)) for x in leaves if eqx.is_inexact_array(x)])
     if failed or lost:
         warnings.warn(f"sweep: {failed} scenes did not end ok, {lost} gave answers that are not finite.", stacklevel=3)

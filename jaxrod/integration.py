@@ -30,7 +30,7 @@ _DIVERGED = 1e6
 @eqx.filter_jit
 def integrate(
     system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
-    progress_meter, max_steps,
+    progress_meter, max_steps, longest,
 ):  # fmt: skip
     valid, given_ts, given_start = t1 > t0, ts, start
     if ts is not None:
@@ -73,7 +73,7 @@ def integrate(
     elif stepsize_controller is None and dt0 is not None:
         stepsize_controller = diffrax.ConstantStepSize()
     elif stepsize_controller is None:
-        stepsize_controller = _adaptive(system, start, y0, t1 - t0, atol, t0)
+        stepsize_controller = _adaptive(system, start, y0, t1 - t0, atol, t0, longest)
         if ts is not None:  # what is saved is the end of a step: interpolation would cost digits at tight tolerances
             stepsize_controller = diffrax.ClipStepSizeController(stepsize_controller, step_ts=ts)
 
@@ -165,7 +165,8 @@ class _NaturalNorm(eqx.Module):
         return jnp.sqrt(jnp.mean(squares))
 
 
-def _adaptive(system, start, y0, duration, atol, t0) -> diffrax.PIDController:
+def _adaptive(system, start, y0, duration, atol, t0, longest) -> diffrax.PIDController:
+    """`longest`: a step in s, or None."""
     if isinstance(system, Lagrangian):
         return diffrax.PIDController(rtol=atol, atol=atol, dtmin=_least_step(duration), force_dtmin=False)
     weight = jnp.ones_like(y0.phase.q)
@@ -175,6 +176,7 @@ def _adaptive(system, start, y0, duration, atol, t0) -> diffrax.PIDController:
     # At rest there is no error to see, yet a gradient asks how the rod would move: steps resolve its fastest rate anyway.
     # The eighth root because the solver is of order 8; 4.5 is where Dopri8's error of a harmonic meets the tolerance.
     dtmax = 4.5 * (atol / 1e-4) ** 0.125 / fastest
+    dtmax = dtmax if longest is None else jnp.minimum(dtmax, longest)
     norm = _NaturalNorm(Phase(weight, weight / slowest))
     return diffrax.PIDController(
         rtol=0.0, atol=atol, norm=norm, dtmin=_least_step(duration), dtmax=dtmax, force_dtmin=False

@@ -20,8 +20,9 @@ class Unrolled(diffrax.AbstractSolver):
     Diffrax's own loop over the stages, and its step size control, are launched piece by piece.  Forward derivatives take
     `adjoint=diffrax.ForwardMode()`; for reverse ones `adjoint=diffrax.RecursiveCheckpointAdjoint()` has Diffrax run it.
 
-    **Arguments:** `method`, one of Diffrax's explicit Runge-Kutta solvers.  Give `simulate` its `n_steps` too.  For rigid
-    rods and one strain shape: XLA repeats the arithmetic of each stage in all that follow, and compiles more for minutes.
+    **Arguments:** `method`, one of Diffrax's explicit Runge-Kutta solvers.  Give `simulate` its `n_steps` too.
+
+    **Raises:** `ValueError` for another method.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)

@@ -4,6 +4,7 @@ import dataclasses
 import doctest
 import functools
 import importlib
+import os
 import pkgutil
 import re
 import subprocess
@@ -124,7 +125,8 @@ def test_no_name_that_is_not_there():
 
 
 def _python(program):
-    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300)
+    own = {name: x for name, x in os.environ.items() if name not in ("XLA_FLAGS", "EQX_ON_ERROR")}
+    run = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, env=own)
     assert run.returncode == 0, run.stderr
     return run.stdout.splitlines()
 
@@ -155,7 +157,6 @@ def test_places_of_extremes():
 def test_several_runs_in_one_sweep_as_users_compile_them():
     """With XLA's optimizations, which the other tests are without: three runs of a rung in one program."""
     program = (
-        "import os; os.environ.pop('XLA_FLAGS', None)\n"
         "import jaxrod; jaxrod.configure(cache=None)\n"
         "import dataclasses, jax.numpy as jnp\n"
         "rod = jaxrod.Rod(1.0, jaxrod.Cone(0.03, 0.01), young=1e7, density=1200.0)\n"
@@ -183,13 +184,55 @@ def test_configure(tmp_path):
     said = _python(
         f"import jaxrod; said = jaxrod.configure(cache={str(tmp_path)!r}, devices=2); print(said)\n"
         "import jax; print(jax.numpy.zeros(()).dtype, jax.device_count(), jax.config.jax_compilation_cache_dir)\n"
-        "print(jaxrod.configure(x64=False) == said, jax.numpy.zeros(()).dtype)"
+        "import warnings; warnings.simplefilter('error'); print(jaxrod.configure() == said)\n"
+        "try: jaxrod.configure(x64=False)\n"
+        "except UserWarning as warning: print(str(warning)[:43])\n"
+        "print(jax.numpy.zeros(()).dtype)"
     )
     assert said == [
         f"jaxrod: float64, 2 CPU devices, compiled programs kept in {tmp_path}, loops compiled whole",
         f"float64 2 {tmp_path}",
-        "True float64",
+        "True",
+        "configure() was called before, and stays: j",
+        "float64",
     ]
+
+
+def test_second_process_finds_its_programs(tmp_path):
+    """Nothing that one process compiled is compiled by the next."""
+    program = (
+        "import collections, jax; seen = collections.Counter()\n"
+        "jax.monitoring.register_event_listener(lambda event, **_: seen.update([event.split('/')[-1]]))\n"
+        f"import jaxrod; jaxrod.configure(cache={str(tmp_path)!r})\n"
+        "rod = jaxrod.Rod(1.0, jaxrod.Uniform(0.02), 1e7, 1200.0)\n"
+        "system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)\n"
+        "jaxrod.sweep(lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=0.1).tip, jax.numpy.ones(3))\n"
+        "print(seen['cache_misses'], seen['cache_hits'])"
+    )
+    (missed, _), (missed_again, found) = (map(int, _python(program)[0].split()) for _ in range(2))
+    assert missed > 0 and missed_again == 0 and found >= missed
+
+
+@pytest.mark.parametrize(
+    ("before", "call", "complaint"),
+    [
+        ("", "devices=0", "devices=0 must be a positive whole number"),
+        ("import os; os.environ['JAX_PLATFORMS'] = 'tpu'", "", "JAX_PLATFORMS=tpu leaves out the CPU"),
+    ],
+)
+def test_configure_refuses(before, call, complaint):
+    said = _python(f"{before}\nimport jaxrod\ntry: jaxrod.configure({call})\nexcept Exception as error: print(error)")
+    assert said[0].startswith(complaint)
+
+
+def test_configure_says_where_it_keeps_nothing(tmp_path):
+    (tmp_path / "file").touch()
+    said = _python(
+        "import os; os.environ['JAXROD_CACHE'] = "
+        f"{str(tmp_path / 'file')!r}\nimport jaxrod; print(jaxrod.configure()); import jax\n"
+        "print(jax.config.jax_compilation_cache_dir)"
+    )
+    assert "compiled programs NOT kept" in said[0] and said[1] == "None"
 
 
 def test_configure_without_cache_in_float32():
@@ -205,10 +248,10 @@ def test_configure_comes_first():
         "import jax, jaxrod; jax.numpy.zeros(2) + 1\n"
         "try: jaxrod.configure(cache=None)\n"
         "except RuntimeError as error: print(error)\n"
-        "print(jax.config.jax_enable_x64)"
+        "import os; print(jax.config.jax_enable_x64, *(x in os.environ for x in ('XLA_FLAGS', 'EQX_ON_ERROR')))"
     )
-    assert said[0].startswith("jaxrod.configure() came after JAX's first computation; call it right after the imports")
-    assert said[1:] == ["False"]
+    assert said[0].startswith("jaxrod.configure() came after JAX's first computation; call it before anything else")
+    assert said[1:] == ["False False False"]
 
 
 # ---- examples in docstrings

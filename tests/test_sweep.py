@@ -1,5 +1,8 @@
 """Sweeps: the same bits whatever block, order, devices and neighbours; what they refuse and say."""
 
+import dataclasses
+
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -66,9 +69,44 @@ def test_gradients_in_a_sweep():
     def strain(rate):
         return fn(rate)["strain"]
 
+    def forwards(rate):
+        end = jaxrod.simulate(system, system.state(rate=rate), t1=0.2, adjoint=diffrax.ForwardMode())
+        return end.strain[-1]
+
+    system = jaxrod.System(ROD, jaxrod.Rotation(), gravity=9.81)
     swept = jaxrod.sweep(jax.value_and_grad(strain), RATES[:9])
     alone = [jax.grad(strain)(rate) for rate in RATES[:2]]
     np.testing.assert_allclose(swept[1][:2], alone, rtol=1e-11)
+    along = jaxrod.sweep(jax.jacfwd(forwards), RATES[:9])
+    np.testing.assert_allclose(along, swept[1], rtol=1e-8)
+    _same(jaxrod.sweep(jax.value_and_grad(strain), RATES[:9], block=2), swept)
+
+
+@pytest.mark.parametrize("motion", [jaxrod.Spherical(), jaxrod.Driven(lambda t: 8 * t)], ids=["in space", "driven"])
+def test_bit_equal_with_rods_of_their_own(motion):
+    def fn(young):
+        system = jaxrod.System(dataclasses.replace(ROD, young=young), motion, gravity=9.81)
+        driven = isinstance(motion, jaxrod.Driven)
+        start = system.state() if driven else system.state(rate=6.0, azimuth_rate=2.0)
+        return jaxrod.simulate(system, start, t1=0.1).tip[-1]
+
+    young = np.geomspace(5e6, 5e7, 21)
+    first = jaxrod.sweep(fn, young)
+    for options in ({"block": 1}, {"block": 9, "devices": 1}, {"order_by": -young}):
+        _same(jaxrod.sweep(fn, young, **options), first)
+
+
+def test_answers_of_no_numbers_and_of_many_results():
+    out = jaxrod.sweep(lambda x: (jnp.zeros((0,)), x), jnp.arange(5.0))
+    assert out[0].shape == (5, 0)
+    system = jaxrod.System(ROD, jaxrod.Rotation(), gravity=9.81)
+
+    def twice(rate):
+        sol = jaxrod.simulate(system, system.state(rate=rate), t1=0.1)
+        return sol.result, sol.result
+
+    with pytest.warns(UserWarning, match="sweep: 1 scenes did not end ok"):
+        jaxrod.sweep(twice, np.array([1.0, np.nan, 2.0]))
 
 
 def test_under_a_transformation_it_is_a_map():
@@ -102,7 +140,13 @@ def test_refusals():
         jaxrod.sweep(jnp.square, x, block=0)
     with pytest.raises(ValueError, match=r"devices=99 are not there, JAX has \d+; call jaxrod.configure"):
         jaxrod.sweep(jnp.square, x, devices=99)
-    with pytest.raises(ValueError, match=r"order_by gives \(2,\) numbers for 4 scenes"):
+    with pytest.raises(ValueError, match=r"block=2\.0 must be a positive whole number"):
+        jaxrod.sweep(jnp.square, x, block=2.0)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match="devices=0 must be a positive whole number"):
+        jaxrod.sweep(jnp.square, x, devices=0)
+    with pytest.raises(ValueError, match="one predicted cost a scene, finite"):
+        jaxrod.sweep(jnp.square, x, order_by=lambda x: jnp.log(x - 1))
+    with pytest.raises(ValueError, match=r"order_by gives numbers of shape \(2,\) for 4 scenes"):
         jaxrod.sweep(jnp.square, x, order_by=[1.0, 2.0])
-    with pytest.raises(ValueError, match="leading axes"):
+    with pytest.raises(ValueError, match=r"inputs have shapes \{'\[0\]': \(4,\), '\[1\]': \(3,\)\}"):
         jaxrod.sweep(lambda x: x[0], (x, jnp.arange(3.0)))
