@@ -2,10 +2,10 @@
 
 1. *What is true?*  Rungs of more and more shapes, until three of them agree to a part of the tolerance.  Where they never do
    (kinks that travel along the rod), or where rounding alone would grow beyond the tolerance, it cannot be met.
-2. *Which rung?*  The cheapest that differs from it by less than half the tolerance.  Rigid and condensed rods are tried only
+2. *Which rung?*  The cheapest that differs from it by less than seven tenths of the tolerance.  Rigid and condensed rods are tried only
    where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a rigid rod is off
    by 2 delta omega T, and one whose strain follows its loads by 3/2 delta^2 omega T + 2 delta^(3/2).
-3. *Which steps?*  For each solver and float type the fewest with which the rung comes out to three tenths of the tolerance,
+3. *Which steps?*  For each solver and float type the fewest with which the rung comes out to nine tenths of what is left of it,
    sought by the order of the method.  What a stage costs is measured once, by `benchmarks/calibration.py`.
 """
 
@@ -34,7 +34,8 @@ from .system import System
 
 _SHAPES = (2, 3, 4, 6, 9, 12)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: two rungs that differ by less have come to the true answer
-_FOR_MODEL, _FOR_STEPS = 0.5, 0.3  # shares of the tolerance
+_FOR_MODEL, _FOR_ROUNDING = 0.7, 0.1  # shares of the tolerance
+_FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
 _FINE = 1e-11  # tolerance of the runs that a rung is judged by
 _LOOSE = 1e-4  # tolerance that the search begins with, of solvers that adapt their steps
@@ -131,14 +132,14 @@ class _Search:
             if not math.isfinite(apart):
                 why = f"runs with {named(truth.basis)}, or the rungs below it, do not reach the end"
             return self.planned(nearest, apart, False, why)
-        if not rounding <= _FOR_STEPS * self.tolerance:
+        if not rounding <= _FOR_ROUNDING * self.tolerance:
             return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
         ways = []
         for rung in self.rungs(truth):
             known = _apart(rung.value, truth.value) + apart
             if known > _FOR_MODEL * self.tolerance:
                 continue
-            ways += [(way, known) for way in self.ways(rung, rounding)]
+            ways += [(way, known) for way in self.ways(rung, known, rounding)]
             if ways and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
                 break  # none is cheaper than a rigid rod, and more shapes cost more
         if not ways:
@@ -202,19 +203,21 @@ class _Search:
             self.tried[named(basis)] = _Rung(basis, system, start, *self.run(system, start, tolerance=_FINE))
         return self.tried[named(basis)]
 
-    def ways(self, rung: _Rung, rounding: float) -> Iterator[_Way]:
-        """By each solver and float type the fewest steps that are enough."""
+    def ways(self, rung: _Rung, known: float, rounding: float) -> Iterator[_Way]:
+        """By each solver and float type the fewest steps that are enough, on a rung that is off by `known`."""
         narrow = rounding * float(np.finfo(np.float32).eps / np.finfo(np.float64).eps)
-        types = ["float64", *(["float32"] if narrow <= _FOR_STEPS * self.tolerance else [])]
-        for dtype in types:
+        for dtype, rounded in (("float64", rounding), ("float32", narrow)):
+            left = _FOR_STEPS * (self.tolerance - known - rounded)
+            if not rounded <= _FOR_ROUNDING * self.tolerance:
+                continue
             for solver in solvers(in_type(dtype, rung.system)):
-                way = self.fewest(rung, solver, dtype)
+                way = self.fewest(rung, solver, dtype, left)
                 if way is not None:
                     yield way
 
-    def fewest(self, rung: _Rung, solver: Any, dtype: str) -> _Way | None:
-        """The fewest steps with which the rung comes out to its share of the tolerance, sought by the order of the method."""
-        equal, enough = by_equal_steps(solver), _FOR_STEPS * self.tolerance
+    def fewest(self, rung: _Rung, solver: Any, dtype: str, enough: float) -> _Way | None:
+        """The fewest steps with which the rung comes out to `enough`, sought by the order of the method."""
+        equal = by_equal_steps(solver)
         order = solver.accuracy if equal else solver.order(None)
         least, steps = (float(self.ts.size), rung.fine_steps / 8) if equal else (1.0, _LOOSE ** (-1 / order))
         found, fewest, failed = None, math.inf, 0.0
