@@ -1,4 +1,5 @@
-"""How does the cost grow?  With scenes, horizon, strain shapes, save points, cores; and the memory of a large sweep.
+"""How does the cost grow?  With scenes, horizon, strain shapes, save points, cores, rods that differ, friction; and the
+memory of a large sweep.
 
     python benchmarks/scaling.py [--most 1000000]
 
@@ -6,6 +7,7 @@ Figure 2 through `sweep`, errors as said.  Medians of runs in turn.  Writes the 
 """
 
 import argparse
+import dataclasses
 import resource
 import time
 
@@ -31,6 +33,23 @@ def scene(n=1, motion=None, t1=10.0, steps=1750, saves=1, rod=ROD):
         return {"tip": sol.tip[-1], "highest": sol.tip[:, 1].max(), "result": sol.result}
 
     return fn
+
+
+def own_rods(n, steps):
+    """Figure 2 with a modulus of its own for each scene: nothing of the rod is known to the compiler."""
+
+    def fn(rate):
+        rod = dataclasses.replace(ROD, young=1e7 * rate / 15)
+        return scene(n, steps=steps, rod=rod)(rate)
+
+    return fn
+
+
+def damped(n, **how):
+    """A second of Figure 2 with friction at the pivot and in the rod."""
+    forces = [jaxrod.PivotFriction(0.3), jaxrod.KelvinVoigt(1e-4)]
+    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(n), gravity=9.81, forces=forces)
+    return lambda rate: {"tip": jaxrod.simulate(system, system.state(rate=rate), t1=1.0, **how).tip[-1]}
 
 
 def rates(count):
@@ -85,16 +104,49 @@ def main() -> None:
         "Ritz(3), plane": (scene(3, steps=1300), scene(3, steps=6000)),
         "Ritz(5), plane": (scene(5, steps=1900), scene(5, steps=6000)),
     }
-    times = report.paired({name: run(fn, 1024) for name, (fn, _) in kinds.items()}, 5)
+    times = report.paired({name: run(fn, 1024) for name, (fn, _) in kinds.items()}, 9)
     cells = [
         [name, f"{error(*kinds[name]):.0e}", f"{1e6 * t / 1024:.0f}", f"{t / times['Ritz(1), plane']:.2f}"]
         for name, t in times.items()
     ]
     text += ["", report.table(["scene of 10 s", "error, m", "us per scene", "over Ritz(1) in the plane"], cells)]
 
+    # Rods that differ.
+    pairs = {}
+    for n, steps in ((1, 1250), (3, 1300)):
+        pairs |= {f"Ritz({n}), one rod": scene(n, steps=steps), f"Ritz({n}), a modulus each": own_rods(n, steps)}
+    times = report.paired({name: run(fn, 1024) for name, fn in pairs.items()}, 9)
+    cells = [
+        [name, f"{1e6 * t / 1024:.0f}", f"{t / times[name.split(',')[0] + ', one rod']:.2f}"]
+        for name, t in times.items()
+    ]
+    text += ["", report.table(["starts that differ, 10 s", "us per scene", "over one rod"], cells)]
+
+    # Friction.
+    cells = []
+    for n, steps in ((1, 1500), (3, 4000)):
+        ways = {
+            "the default": damped(n),
+            f"Unrolled, {steps} steps": damped(n, solver=jaxrod.Unrolled(), n_steps=steps),
+        }
+        exact = damped(n, tolerance=1e-12)
+        times = report.paired({name: run(fn, 128) for name, fn in ways.items()}, 3)
+        for name, t in times.items():
+            cells.append(
+                [
+                    f"Ritz({n})",
+                    name,
+                    f"{error(ways[name], exact):.0e}",
+                    f"{1e6 * t / 128:.0f}",
+                    f"{t / times['the default']:.2f}",
+                ]
+            )
+    head = ["1 s with friction", "solver", "error, m", "us per scene", "over the default"]
+    text += ["", report.table(head, cells)]
+
     # Save points and horizon.
     saves = {f"{k:,} saved": scene(steps=2000, saves=k) for k in (1, 10, 100, 1000)}
-    times = report.paired({name: run(fn, 512) for name, fn in saves.items()}, 5)
+    times = report.paired({name: run(fn, 512) for name, fn in saves.items()}, 9)
     cells = [[name, f"{1e6 * t / 512:.0f}", f"{t / times['1 saved']:.2f}"] for name, t in times.items()]
     spans = {f"{t1:g} s": scene(t1=t1, steps=int(175 * t1)) for t1 in (1.0, 10.0, 100.0)}
     times = report.paired({name: run(fn, 256) for name, fn in spans.items()}, 3)

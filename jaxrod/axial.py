@@ -56,7 +56,9 @@ class AxialModes(eqx.Module):
         if n == 0:
             squares, self.shapes = jnp.zeros_like(mixed), body.stiffness_matrix
         else:
-            squares, self.shapes = eigh(body.stiffness_matrix, body.strain_mass)
+            # By compliances, 1 / omega^2: rounding is small beside the largest, which are those of the slowest modes.
+            compliances, shapes = eigh(body.strain_mass, body.stiffness_matrix)
+            squares, self.shapes = 1 / compliances[::-1], (shapes / jnp.sqrt(compliances)[None, :])[:, ::-1]
         self.rates = jnp.sqrt(squares)
         self.periods = 1 / self.rates
         self.inverse = self.shapes.T @ body.strain_mass

@@ -76,8 +76,8 @@ class QuinlanTremaine10(AbstractMultistep):
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
     >>> system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
     >>> sol = jaxrod.simulate(system, system.state(rate=15.0), t1=1.0, solver=jaxrod.QuinlanTremaine10(), n_steps=600)
-    >>> print(sol.angle.round(6))
-    [14.60101]
+    >>> print(sol.angle.round(4))
+    [14.601]
     """
 
     accuracy: ClassVar = 10
@@ -85,7 +85,15 @@ class QuinlanTremaine10(AbstractMultistep):
 
 
 class QuinlanTremaine12(AbstractMultistep):
-    """Order 12.  Quinlan, Tremaine (1990), Astron. J. 100, 1694.  For errors down to rounding."""
+    """Order 12.  Quinlan, Tremaine (1990), Astron. J. 100, 1694.  For errors down to rounding.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    >>> sol = jaxrod.simulate(system, system.state(rate=15.0), t1=1.0, solver=jaxrod.QuinlanTremaine12(), n_steps=1000)
+    >>> print(sol.angle.round(4))
+    [14.601]
+    """
 
     accuracy: ClassVar = 12
     alphas: ClassVar = (1, -2, 2, -1, 0, 0, 0, 0, 0, -1, 2, -2, 1)

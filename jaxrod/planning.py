@@ -2,9 +2,9 @@
 
 1. *What is true?*  Rungs of more and more shapes, until three of them agree to a part of the tolerance.  Where they never do
    (kinks that travel along the rod), or where rounding alone would grow beyond the tolerance, it cannot be met.
-2. *Which rung?*  The cheapest that differs from it by less than seven tenths of the tolerance.  Rigid and condensed rods are tried only
-   where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a rigid rod is off
-   by 2 delta omega T, and one whose strain follows its loads by 3/2 delta^2 omega T + 2 delta^(3/2).
+2. *Which rung?*  The cheapest that differs from it by less than seven tenths of the tolerance.  Rigid and condensed rods are
+   tried only where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a
+   rigid rod is off by 2 delta omega T, and one whose strain follows its loads by 3/2 delta^2 omega T + 2 delta^(3/2).
 3. *Which steps?*  For each solver and float type the fewest with which the rung comes out to nine tenths of what is left of it,
    sought by the order of the method.  What a stage costs is measured once, by `benchmarks/calibration.py`.
 """

@@ -6,7 +6,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from .equations import eigenvalues
 from .flat import Flat
@@ -23,14 +23,15 @@ from .unrolled import Unrolled, Whole
 
 LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}  # that a type reaches
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
-_FINEST_SMALL_KICKS = 0.12  # ... kicks as strong as the springs; both measured: docs/performance.md
+_FINEST_SMALL_KICKS = 0.11  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
 _PRESSED = -2 / 3  # strain below which the default's steps are not trusted: benchmarks/random_extremes.py
 _LOOKS = 65  # times at which a prescribed rate is looked at
-_HARD = 0.5  # strain ahead above which steps of more than one strain shape are looked at twice
+_HARD = 0.05  # strain ahead above which steps of more than one strain shape are looked at twice
 _HOPELESS = {"float64": 1e3, "float32": 2.0}  # strain ahead above which the default's steps are not trusted
-_UNRESOLVED = 15  # difference from half the steps, in tolerances, above which steps were too long
+_UNRESOLVED = {"float64": 15.0, "float32": 2.0}  # difference from half the steps, in tolerances, that is too large
+_EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}  # rounding, of the length, for each radian that the rod turned
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 0.3  # energy lost, in tolerances, above which steps were too long
 
@@ -60,8 +61,8 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
         phase = jnp.minimum(_FINEST_SMALL_KICKS * finer_there * (turning / axial) ** (-1 / 6), 1.0) / (1 + 8 * strain)
         step = phase / jnp.sqrt(axial + turning)
     else:
-        rate = turning if system.basis.n == 0 else turning + axial
-        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.3 * strain) / jnp.sqrt(rate)
+        rate = 1.1 * turning if system.basis.n == 0 else turning + axial
+        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.5 * strain) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
@@ -124,14 +125,7 @@ def step_through(
     if n_steps is None:  # steps counted from the start do not see how fast the rod turns when pressed together later
         code = Result.where((code == Result.ok) & (last.lowest < _PRESSED), Result.coarse, code)
     if n_steps is None:
-        ahead = _strain_ahead(system, start, _turning(system, start, t0, ts[-1]))
-        trusted = isinstance(system.motion, Driven) | (ahead <= _HOPELESS[t0.dtype.name])
-        closed = is_closed(system)
-        if not closed or system.basis.n > 1:
-            # Where loads keep no energy, or large strains hide the error from it, half as many steps are taken too.
-            looked = jnp.sum(taken) * (jnp.asarray(not closed) | (ahead > _HARD))
-            off = _off_by_half(system, solver, split, start, t0, ts[-1], looked, states)
-            trusted = trusted & ((off <= _UNRESOLVED * tolerance) | (looked == 0))
+        trusted = _trusted(system, start, solver, split, t0, ts, tolerance, jnp.sum(taken), states)
         code = Result.where((code == Result.ok) & ~trusted, Result.coarse, code)
     # By a product: what was not reached has no derivative, and zero would be taken for one.
     known = jnp.where(reached, 1.0, jnp.nan).astype(t0.dtype)
@@ -154,6 +148,35 @@ def step_through(
         start=given_start,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
+
+
+def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, steps, states: State) -> Bool[Array, ""]:
+    """Whether steps that were counted from the start were short enough for what came.
+
+    Half as many are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it,
+    and in float32, whose rounding it does not show.
+    """
+    name, closed = t0.dtype.name, is_closed(system)
+    ahead = _strain_ahead(system, start, _turning(system, start, t0, ts[-1]))
+    trusted = isinstance(system.motion, Driven) | (ahead <= _HOPELESS[name])
+    if name == "float32" and system.basis.n > 1:
+        trusted = trusted & (_condition(system) * jnp.finfo(t0.dtype).eps <= tolerance)
+    always = not closed or name == "float32"
+    if not always and system.basis.n < 2:
+        return trusted
+    looked = steps if always else steps * (ahead > _HARD)
+    off = _off_by_half(system, solver, split, start, t0, ts[-1], looked, states)
+    turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
+    bound = _UNRESOLVED[name] * (tolerance + _EACH_RADIAN[name] * turned)
+    return trusted & ((off <= bound) | (looked == 0))
+
+
+def _condition(system: System) -> Float[Array, ""]:
+    """By how much rounding grows in the mass matrix of the strain."""
+    mass = jax.lax.stop_gradient(system.body.strain_mass)
+    size = jnp.sqrt(jnp.diagonal(mass))
+    spread = jnp.linalg.eigvalsh(mass / (size[:, None] * size[None, :]))
+    return spread[-1] / jnp.maximum(spread[0], jnp.finfo(mass.dtype).eps)
 
 
 def _off_by_half(system: System, solver, split, start: State, t0, t1, steps, states: State) -> Float[Array, ""]:

@@ -354,10 +354,15 @@ def test_embedded_needs_a_strain():
 
 @pytest.mark.parametrize(
     ("inputs", "shown"),
-    [(3.0, r"\(\)"), ((), ""), ((jnp.ones(3), jnp.ones(4)), r"\(3,\), \(4,\)"), ((jnp.ones(3), 1.0), r"\(\), \(3,\)")],
+    [
+        (3.0, r"'inputs': \(\)"),
+        ((), ""),
+        ((jnp.ones(3), jnp.ones(4)), r"'\[0\]': \(3,\), '\[1\]': \(4,\)"),
+        ((jnp.ones(3), 1.0), r"'\[0\]': \(3,\), '\[1\]': \(\)"),
+    ],
 )
-def test_sweep_needs_one_leading_axis(inputs, shown):
-    message = rf"inputs have leading axes \[{shown}\]; give arrays of one common length"
+def test_sweep_needs_a_common_axis(inputs, shown):
+    message = rf"inputs have shapes \{{{shown}\}}; give arrays of one common first axis"
     _refused(lambda: jaxrod.sweep(lambda x: x, inputs), message)
 
 
