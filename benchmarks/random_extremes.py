@@ -229,7 +229,7 @@ def verdict(name: str, found: dict) -> dict[str, np.ndarray]:
     """For each scene, whether it is `ok`, `beyond` its horizon, and silently `wrong`."""
     found = {key: x if isinstance(x, Result) else np.asarray(x, float) for key, x in found.items()}
     ok = np.asarray(found["result"] == Result.ok)
-    promise = PROMISE[name] + EACH_RADIAN[name] * found["turned"]
+    promise = PROMISE[name] + EACH_RADIAN[name] * np.nan_to_num(found["turned"])  # not known of what is not judged
     apart = np.maximum(ROUNDING[name] * np.sqrt(STAGES * np.maximum(found["steps"], 1)), APART)  # each rounds anew
     judged = ~np.asarray(found["finer"] == Result.max_steps)
     beyond = ok & ~(found["growth"] * apart <= promise)

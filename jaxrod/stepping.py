@@ -61,7 +61,7 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
         phase = jnp.minimum(_FINEST_SMALL_KICKS * finer_there * (turning / axial) ** (-1 / 6), 1.0) / (1 + 8 * strain)
         step = phase / jnp.sqrt(axial + turning)
     else:
-        rate = 1.1 * turning if system.basis.n == 0 else turning + axial
+        rate = 2 * turning if system.basis.n == 0 else turning + axial
         step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.5 * strain) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
