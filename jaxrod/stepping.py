@@ -55,14 +55,15 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
     finer = (tolerance / 1e-8) ** (1 / 6)
     axial = turning if system.basis.n == 0 else eigenvalues(system.body)[0]
     # Large strains make the kicks large too.  By how much is measured: benchmarks/random_extremes.py.
-    strain = jnp.minimum(_strain_ahead(system, start, turning), 1.0)
+    strain = _strain_ahead(system, start, turning)
     if isinstance(solver, ABA864) and system.basis.n:
+        strain = jnp.minimum(strain, 1.0)
         finer_there = jnp.where(finer > 1, finer ** (1 - strain), finer)  # a loose tolerance gains less there
         phase = jnp.minimum(_FINEST_SMALL_KICKS * finer_there * (turning / axial) ** (-1 / 6), 1.0) / (1 + 8 * strain)
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = 2 * turning if system.basis.n == 0 else turning + axial
-        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.5 * strain) / jnp.sqrt(rate)
+        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.5 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
