@@ -32,7 +32,7 @@ from .stepping import LEAST_TOLERANCE
 from .symplectic import ABA864, AbstractSymplectic, StormerVerlet
 from .system import System
 
-_SHAPES = (2, 3, 4, 6, 9, 12)  # of the rungs above uniform strain; from four on they may stand for the truth
+_SHAPES = (2, 3, 4, 6, 9, 12, 16)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: two rungs that differ by less have come to the true answer
 _FOR_MODEL, _FOR_ROUNDING = 0.7, 0.1  # shares of the tolerance
 _FOR_STEPS = 0.9  # of what is left of it
@@ -174,11 +174,11 @@ class _Search:
         if isinstance(self.system.rod, Lumped):
             yield truth
             return
-        condensed = not isinstance(self.system.motion, Driven)  # driven, a condensed rod has nothing to move
+        free = not isinstance(self.system.motion, Driven)  # driven, a rigid or condensed rod has nothing to move
         rigid, following = self.closed_forms()
-        if rigid <= _HOPELESS * self.tolerance:
+        if free and rigid <= _HOPELESS * self.tolerance:
             yield self.rung(Ritz(0))
-        if condensed and following <= _HOPELESS * self.tolerance:
+        if free and following <= _HOPELESS * self.tolerance:
             yield self.rung(QuasiStatic(LoadRitz(2)))
         yield from map(self.rung, (Ritz(1), ForceRitz(1)))
         yield from (self.rung(self.family(n)) for n in _SHAPES if n <= truth.basis.n)

@@ -63,7 +63,7 @@ def test_kinks_cannot_be_met(uniform):
     system = jaxrod.System(uniform, jaxrod.Rotation(), jaxrod.Ritz(1))
     start = system.state(strain=0.02)
     found = jaxrod.plan(system, start, t1=0.03, tolerance=1e-7)
-    assert not found.met and "cannot be met, because LoadRitz(12)" in str(found)
+    assert not found.met and "cannot be met, because LoadRitz(16)" in str(found)
     with pytest.raises(ValueError, match="cannot be met"):
         jaxrod.simulate(system, start, t1=0.03, tolerance=found)
 
