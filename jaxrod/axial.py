@@ -201,10 +201,10 @@ class Axial(AbstractOscillating):
         ):
             drawn = arm * period * period
             off = eta - square * drawn
-            lost = s * off + v * p
-            strain.append(eta + (s * p - v * off))
-            momentum.append(p - lost)
-            swept = swept + arm * period * lost
+            # Written so, and with `swept` in full: XLA makes slower code of what is shorter here.
+            strain.append(square * drawn + (off + (s * p - v * off)))
+            momentum.append(p - (s * off + v * p))
+            swept = swept + arm * period * (s * off + v * p)
             pulled = pulled + arm * drawn
         turning = y.turning + (t - 2 * (swept + square * pulled * t))
         return y._replace(strain=y.strain.like(strain), strain_momentum=y.strain.like(momentum), turning=turning)
