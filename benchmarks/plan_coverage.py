@@ -25,7 +25,6 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
-from calibration import PAGE  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
 from jaxrod import cost  # noqa: E402
@@ -39,6 +38,7 @@ RUNGS = [
     jaxrod.Ritz(0), jaxrod.QuasiStatic(jaxrod.LoadRitz(2)), jaxrod.Ritz(1), jaxrod.ForceRitz(1),
     *(jaxrod.LoadRitz(n) for n in (2, 3, 4, 6, 9)),
 ]  # fmt: skip
+PAGE = pathlib.Path(__file__).parent.parent / "docs" / "accuracy_of_plans.md"
 MAPS = pathlib.Path("/proc/self/maps")
 SOLVED = 1 / 3  # of a tolerance: the truth must be known better
 FINER = 1.6
