@@ -17,6 +17,8 @@ from .chart import Local as Local
 from .chart import Strains as Strains
 from .choice import Plan as Plan
 from .configuration import configure as configure
+from .defaults import default_chart as default_chart
+from .defaults import default_solver as default_solver
 from .ensemble import sweep as sweep
 from .force import AbstractForce as AbstractForce
 from .force import KelvinVoigt as KelvinVoigt
@@ -63,8 +65,6 @@ from .section import Steps as Steps
 from .section import Table as Table
 from .section import Uniform as Uniform
 from .simulation import Reversible as Reversible
-from .simulation import default_chart as default_chart
-from .simulation import default_solver as default_solver
 from .simulation import simulate as simulate
 from .solution import Solution as Solution
 from .statics import equilibrium as equilibrium

@@ -19,9 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .ladder import on_rung
+from .ladder import on_rung, richer
 from .limits import ModelLimits, model_limits
-from .load_basis import LoadRitz
 from .motion import State
 from .quantity import AbstractQuantity
 from .rod import Rod
@@ -33,7 +32,7 @@ _FLOOR = 1e-12  # no bound is below it
 _LOST = 0.25  # of the range: beyond it the phase is lost
 _SHAPES = ((6, 3), (9, 6))  # of the runs with more shapes: at least, and more than the run itself
 _TOLERANCE = {"float64": 1e-10, "float32": 1e-5}  # of the runs with more shapes
-_NUDGE = {"float64": 1e-10, "float32": 1e-5}
+NUDGE = {"float64": 1e-10, "float32": 1e-5}
 _APART = 0.25  # of two directors: beyond it runs have nothing to do with each other
 
 
@@ -41,8 +40,8 @@ class Budget(eqx.Module):
     """A quantity of a run and its error; it prints itself.  All in the quantity's unit, of its shape.
 
     `value`; `model`, `step` and `rounding`, the parts of the error; `span`, the range of the quantity; `lost`, whether the
-    run goes beyond the horizon of its motion; `limits`, what the
-    model of a straight rod leaves out, in numbers (None for a `Lumped` body, of which `model` is zero: it is its own model).
+    run goes beyond the horizon of its motion; `limits`, what the model of a straight rod leaves out, in numbers (None for a
+    `Lumped` body, of which `model` is zero: it is its own model); `strain`, the largest of any section, by Hooke's law.
     """
 
     value: Float[Array, "*numbers"]
@@ -52,6 +51,7 @@ class Budget(eqx.Module):
     span: Float[Array, ""]
     lost: Bool[Array, ""]
     limits: ModelLimits | None
+    strain: Float[Array, ""] | None
     name: str = eqx.field(static=True)
     unit: str = eqx.field(static=True)
 
@@ -75,6 +75,10 @@ class Budget(eqx.Module):
             bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else f"no bound: {self._why_not(index)}"
             lines.append(f"{self.name}{at} = {float(self.value[index]):.10g} {self.unit} {bound} ({parts})")
         lines += [] if self.limits is None else [f"left out: {line}" for line in str(self.limits).splitlines()]
+        if self.strain is not None:
+            lines.append(
+                f"left out: how stiffness changes with strain, here up to {float(self.strain):.2g} (Rod(law=...) has it)"
+            )
         return "\n".join(lines)
 
     def _why_not(self, index) -> str:
@@ -94,30 +98,39 @@ def budget_of(
     zero, eps = jnp.zeros_like(value), jnp.finfo(value.dtype).eps
     span = jnp.asarray(quantity.span(system), value.dtype)
     limits = _limits(system) if isinstance(system.rod, Rod) else None
+    strain = _strain(system, solution)
     if exact is not None:
         model, rounding = jnp.abs(value - exact), 100 * eps * jnp.abs(value)
-        return Budget(value, model, zero, rounding, span, jnp.asarray(False), limits, quantity.name, quantity.unit)
+        never = jnp.asarray(False)
+        return Budget(value, model, zero, rounding, span, never, limits, strain, quantity.name, quantity.unit)
 
-    finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, _NUDGE[name]))
-    fine, lost = quantity(finer), _part(solution, finer) | _part(solution, aside)
-    moved = jnp.abs(quantity(aside) - value) / _NUDGE[name]
+    finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, NUDGE[name]))
+    fine, lost = quantity(finer), part(solution, finer) | part(solution, aside)
+    moved = jnp.abs(quantity(aside) - value) / NUDGE[name]
     rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
     model = zero
     if isinstance(system.rod, Rod):
         n = system.basis.n
         few, many = (max(least, n + further) for least, further in _SHAPES)
-        less, more = (quantity(run(*on_rung(system, start, LoadRitz(k)), _TOLERANCE[name])) for k in (few, many))
+        less, more = (quantity(run(*on_rung(system, start, richer(system)(k)), _TOLERANCE[name])) for k in (few, many))
         # By both pairs, as either may agree by chance.
         left = jnp.maximum(_beyond(few, less, many, more), _beyond(n, fine, many, more))
         model = jnp.abs(fine - more) + left
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
-    return Budget(value, model, step, rounding, span, lost, limits, quantity.name, quantity.unit)
+    return Budget(value, model, step, rounding, span, lost, limits, strain, quantity.name, quantity.unit)
 
 
 _limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run
 
 
-def _part(one: Solution, other: Solution) -> Bool[Array, ""]:
+def _strain(system: System, solution: Solution) -> Float[Array, ""] | None:
+    hooke = isinstance(system.rod, Rod) and system.rod.linear
+    if not (hooke and system.basis.n and isinstance(solution.states, State)):
+        return None
+    return jnp.nanmax(jnp.abs(system.body.field(solution.states.amplitudes)))
+
+
+def part(one: Solution, other: Solution) -> Bool[Array, ""]:
     """Whether two runs point elsewhere at a time that both saved."""
     if not (isinstance(one.states, State) and isinstance(other.states, State) and one.ts.shape == other.ts.shape):
         return jnp.asarray(False)

@@ -62,8 +62,9 @@ class Plan(eqx.Module):
         """The keywords of `simulate` for solver and steps of a run from t0 to t1, of a scene on this plan's rung."""
         if self.step is None:
             return {"tolerance": self.tolerance}
-        slower = self.axial_rate / axial_rate(system, start)
-        steps = jnp.ceil(jax.lax.stop_gradient((t1 - t0) / (self.step * slower)) - 1e-6)
+        slower = self.axial_rate / axial_rate(*in_type("float64", (system, start)))
+        # Not one more because t1 is rounded: a step's own count was tried, its neighbour may be in resonance.
+        steps = jnp.ceil(jax.lax.stop_gradient((t1 - t0) / (self.step * slower)) * (1 - 1e-6))
         return {"solver": self.solver, "n_steps": jnp.maximum(steps, 1)}
 
 

@@ -7,14 +7,23 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from . import continuum
-from .basis import AbstractBasis
+from .basis import AbstractBasis, ForceRitz
 from .chart import Director, Strains
 from .equations import Condensed
+from .force import KelvinVoigt, PivotFriction, ShakenBase, Torque
+from .load_basis import LoadRitz
 from .motion import Driven, State
 from .rod import Lumped
 from .system import System
 
 _ORDER = 24  # nodes for each panel
+
+
+def richer(system: System) -> type[AbstractBasis]:
+    """The family of shapes that converges fastest: load-dependent ones, but where a force may act at the tip those that hold
+    a force there, as load-dependent ones have no tension at a free tip."""
+    along = all(isinstance(force, Torque | PivotFriction | KelvinVoigt | ShakenBase) for force in system.forces)
+    return LoadRitz if along else ForceRitz
 
 
 def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System, State]:

@@ -1,7 +1,8 @@
 """`plan`: the cheapest way to a number that is good enough, found by trying.
 
-1. *What is true?*  Rungs of more and more shapes, until three of them agree to a part of the tolerance.  Where they never do
-   (kinks that travel along the rod), or where rounding alone would grow beyond the tolerance, it cannot be met.
+1. *What is true?*  Rungs of more and more shapes, until three of them agree to a part of the tolerance.  What is left is taken to
+   fall as 1 / shapes where the strain jumps (let go from a stretch, struck), else, as after a sudden spin, as its square.  Where
+   they never agree, or where rounding alone would grow beyond the tolerance, it cannot be met.
 2. *Which rung?*  The cheapest that differs from it by less than seven tenths of the tolerance.  Rigid and condensed rods are
    tried only where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a
    rigid rod is off by 2 delta omega T, and one whose strain follows its loads by 3/2 delta^2 omega T + 2 delta^(3/2).
@@ -17,29 +18,28 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import checks, continuum, cost
+from . import arguments, checks, continuum, cost
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
-from .budget import nudged
+from .budget import NUDGE, nudged, part
 from .choice import Plan, axial_rate, in_type, named
-from .ladder import brought
+from .defaults import by_equal_steps, solvers
+from .ladder import brought, richer
 from .load_basis import LoadRitz
 from .motion import Driven, Flight, State
-from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .rod import Lumped
-from .simulation import default_solver, simulate
+from .simulation import simulate
+from .solution import Solution
 from .stepping import LEAST_TOLERANCE
-from .symplectic import ABA864, AbstractSymplectic, StormerVerlet
 from .system import System
 
-_SHAPES = (2, 3, 4, 6, 9, 12, 16)  # of the rungs above uniform strain; from four on they may stand for the truth
+_SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: two rungs that differ by less have come to the true answer
 _FOR_MODEL, _FOR_ROUNDING = 0.7, 0.1  # shares of the tolerance
 _FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
-_FINE = 1e-11  # tolerance of the runs that a rung is judged by
+_FINE, _FINEST = 1e-11, 1e-12  # tolerance of the runs that a rung is judged by, and of one that judges these
 _LOOSE = 1e-4  # tolerance that the search begins with, of solvers that adapt their steps
-_NUDGE = 1e-7
 _TRIES = 8  # step counts of one solver and type
 _NEAR = 1.5  # a step count within this factor of one too few is good enough
 _BESIDE = 1.07
@@ -47,13 +47,17 @@ _MOST_STEPS = 2**24
 
 
 class _Rung(NamedTuple):
-    """A scene with a basis, its start, the quantity by fine steps, and how many these were."""
+    """A scene with a basis, its start, the quantity by fine steps, and the run of these."""
 
     basis: AbstractBasis
     system: System
     start: State
     value: np.ndarray
-    fine_steps: float
+    fine: Solution
+
+    @property
+    def fine_steps(self) -> float:
+        return float(self.fine.stats["num_steps"])
 
 
 class _Way(NamedTuple):
@@ -91,7 +95,8 @@ def plan(
     **Returns:** a `Plan`; `simulate(system, start, tolerance=plan)` follows it, under `sweep` too.  If none is found, its
     `met` is false and `why` says what stands in the way.
 
-    **Raises:** `ValueError` if the tolerance is not positive, or numbers of the scene are traced.
+    **Raises:** `ValueError` if the tolerance is not positive, t1 not after t0, the quantity none, or numbers of the scene are
+    traced.
 
     It takes ten to fifty runs of the scene, and compiles the rungs that it tries: seconds, or a minute for the first scene
     of a kind.
@@ -107,8 +112,10 @@ def plan(
         raise ValueError("the scene is traced; plan one like it before, and follow that plan by tolerance=plan.")
     tolerance = float(checks.positive("tolerance", tolerance, "the quantity's unit"))
     quantity = as_quantity(quantity)
+    arguments.check_scene(system, start)
     system, start = in_type("float64", (system, start))
-    return _Search(system, start, quantity, t0, quantity.times(t0, t1), static, tolerance).plan()
+    begin, end = map(float, arguments.times(None, t1, t0, None, jnp.float64)[:2])
+    return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()
 
 
 class _Search:
@@ -120,13 +127,16 @@ class _Search:
         self.system, self.start, self.quantity = system, start, quantity
         self.t0, self.ts, self.static, self.tolerance = t0, ts, static, tolerance
         self.tried: dict[str, _Rung] = {}
-        # Shapes that loads make have no tension at a free tip, which a force there would want.
-        self.family = ForceRitz if system.forces else LoadRitz
+        self.family = richer(system)
+        jumps = self.family is ForceRitz or (not static and bool(jnp.any(start.amplitudes != 0)))
+        self.power = 1 if jumps else 2  # of 1 / shapes, by which errors fall
 
     def plan(self) -> Plan:
         truth, apart = self.truth()
-        rounding = self.rounding(truth)
+        growth, rounding = self.rounding(truth)
         unit, nearest = self.quantity.unit, _Way(truth, None, "float64", 0, 0.0, 0.0, math.inf)
+        if math.isinf(growth) and math.isfinite(apart):
+            return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
         if not apart <= _FOR_MODEL * self.tolerance:
             why = f"{named(truth.basis)} may still be off by {apart:.1e} {unit}"
             if not math.isfinite(apart):
@@ -139,7 +149,7 @@ class _Search:
             known = _apart(rung.value, truth.value) + apart
             if known > _FOR_MODEL * self.tolerance:
                 continue
-            ways += [(way, known) for way in self.ways(rung, known, rounding)]
+            ways += [(way, known) for way in self.ways(rung, known, rounding, growth)]
             if ways and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
                 break  # none is cheaper than a rigid rod, and more shapes cost more
         if not ways:
@@ -156,18 +166,24 @@ class _Search:
         left = [math.inf]
         for n in _SHAPES[2:]:
             rung = self.rung(self.family(n))
-            # What more shapes would still change if errors fall as 1 / shapes^2, by two pairs: either may agree by chance.
-            left = [_apart(rung.value, x.value) * x.basis.n**2 / (n**2 - x.basis.n**2) for x in below[-2:]]
+            # What more shapes would still change, by two pairs: either may agree by chance.
+            left = [_apart(rung.value, x.value) / ((n / x.basis.n) ** self.power - 1) for x in below[-2:]]
             below.append(rung)
             if len(left) > 1 and max(left) <= _AGREED * self.tolerance:
                 break
         return below[-1], max(left)
 
-    def rounding(self, truth: _Rung) -> float:
-        """By how much the rounding of the start and of each step moves the answer."""
-        moved = self.run(truth.system, nudged(truth.start, _NUDGE), tolerance=_FINE)[0]
-        growth = np.abs(moved - truth.value) / _NUDGE + np.abs(truth.value)
-        return float(np.finfo(np.float64).eps * np.sqrt(1 + truth.fine_steps) * np.max(growth))
+    def rounding(self, truth: _Rung) -> tuple[float, float]:
+        """By how many times what each number is rounded by the answer moves, and by how much in float64, or by finer steps if
+        that is more; inf beyond the horizon."""
+        nudge = NUDGE["float64"]
+        finest = self.simulated(truth.system, truth.start, tolerance=_FINEST)
+        aside = self.simulated(truth.system, nudged(truth.start, nudge), tolerance=_FINE)
+        if bool(part(truth.fine, finest) | part(truth.fine, aside)):
+            return math.inf, math.inf
+        moved = _apart(self.asked(aside), truth.value) / nudge + float(np.max(np.abs(truth.value)))
+        growth = math.sqrt(1 + truth.fine_steps) * moved
+        return growth, max(growth * float(np.finfo(np.float64).eps), _apart(self.asked(finest), truth.value))
 
     def rungs(self, truth: _Rung) -> Iterator[_Rung]:
         """Those with a chance, the cheapest first."""
@@ -200,18 +216,18 @@ class _Search:
     def rung(self, basis: AbstractBasis) -> _Rung:
         if named(basis) not in self.tried:
             system, start = brought(self.system, self.start, basis, self.static)
-            self.tried[named(basis)] = _Rung(basis, system, start, *self.run(system, start, tolerance=_FINE))
+            fine = self.simulated(system, start, tolerance=_FINE)
+            self.tried[named(basis)] = _Rung(basis, system, start, self.asked(fine), fine)
         return self.tried[named(basis)]
 
-    def ways(self, rung: _Rung, known: float, rounding: float) -> Iterator[_Way]:
+    def ways(self, rung: _Rung, known: float, rounding: float, growth: float) -> Iterator[_Way]:
         """By each solver and float type the fewest steps that are enough, on a rung that is off by `known`."""
-        narrow = rounding * float(np.finfo(np.float32).eps / np.finfo(np.float64).eps)
-        for dtype, rounded in (("float64", rounding), ("float32", narrow)):
-            left = _FOR_STEPS * (self.tolerance - known - rounded)
-            if not rounded <= _FOR_ROUNDING * self.tolerance:
-                continue
+        # How float32 rounds shows in the runs themselves, which are held against float64: what is foreseen only tells whether
+        # they are worth a try.
+        narrow = growth * float(np.finfo(np.float32).eps) <= self.tolerance
+        for dtype in ("float64", "float32") if narrow else ("float64",):
             for solver in solvers(in_type(dtype, rung.system)):
-                way = self.fewest(rung, solver, dtype, left)
+                way = self.fewest(rung, solver, dtype, _FOR_STEPS * (self.tolerance - known - rounding))
                 if way is not None:
                     yield way
 
@@ -253,11 +269,17 @@ class _Search:
         )
 
     def run(self, system: System, start: State, **how) -> tuple[np.ndarray, float]:
-        """The quantity, NaN if the run does not reach its end, and the number of steps."""
+        """The quantity and the number of steps."""
+        solution = self.simulated(system, start, **how)
+        return self.asked(solution), float(solution.stats["num_steps"])
+
+    def simulated(self, system: System, start: State, **how) -> Solution:
         ts = self.ts.astype(start.direction.dtype)
-        sol = simulate(system, start, t0=self.t0, ts=ts, throw=False, max_steps=_MOST_STEPS, **how)
-        value = np.asarray(self.quantity(sol), float)
-        return np.where(bool(sol.ok), value, np.nan), float(sol.stats["num_steps"])
+        return simulate(system, start, t0=self.t0, ts=ts, throw=False, max_steps=_MOST_STEPS, **how)
+
+    def asked(self, solution: Solution) -> np.ndarray:
+        """The quantity, NaN if the run does not reach its end."""
+        return np.where(bool(solution.ok), np.asarray(self.quantity(solution), float), np.nan)
 
     def planned(self, way: _Way, error: float, met: bool, why: str) -> Plan:
         rung, duration = way.rung, float(self.ts[-1] - self.t0)
@@ -279,21 +301,6 @@ class _Search:
             unit=self.quantity.unit,
             why=why,
         )
-
-
-def solvers(system: System) -> list[Any]:
-    """Those worth a try."""
-    best = default_solver(system)
-    if not by_equal_steps(best):
-        return [best]
-    if isinstance(system.motion, Driven) or not system.splits_flat:
-        return [best, StormerVerlet()]
-    return [best, StormerVerlet(), ABA864(), QuinlanTremaine10(), QuinlanTremaine12()]
-
-
-def by_equal_steps(solver: Any) -> bool:
-    """Whether a solver takes `n_steps`, and not a tolerance."""
-    return isinstance(solver, AbstractSymplectic | AbstractMultistep)
 
 
 def _apart(a: Any, b: Any) -> float:

@@ -7,8 +7,9 @@ import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
 
+from .choice import named
 from .solution import Solution
-from .tradeoff import Tradeoff
+from .tradeoff import RUNGS, Tradeoff
 
 _BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"
 
@@ -75,9 +76,11 @@ def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     """Error against cost of every way that was measured, a colour for each rung; pale what another beats in both."""
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axis = figure.subplots()
-    front, rungs = set(found.front), list(dict.fromkeys(row.rung for row in found.rows))
+    front, rungs = set(found.front), [named(basis) for basis in RUNGS]  # of one colour in every picture
     for k, rung in enumerate(rungs):
-        color = colormaps["tab10"](k % 10)
+        color = colormaps["tab10"](k)
+        if not any(row.rung == rung for row in found.rows):
+            continue
         for pale in (True, False):
             rows = [row for row in found.rows if row.rung == rung and (row not in front) == pale and row.error > 0]
             axis.scatter(
@@ -88,6 +91,8 @@ def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     axis.plot([row.cost for row in steps], [row.error for row in steps], color=_GREY, linewidth=0.8, zorder=1)
     if found.own_error > 0:
         axis.axhline(found.own_error, color=_GREY, linestyle=":", linewidth=1.0)
+        left, known = axis.get_yaxis_transform(), f"{found.reference} is known to this"
+        axis.text(0.99, found.own_error, known, transform=left, ha="right", va="bottom", fontsize=7, color=_GREY)
     axis.set(xscale="log", yscale="log", xlabel="computing time, s for each simulated second", title=title)
     axis.set_ylabel(f"error of the {found.quantity}, {found.unit}".rstrip(", "))
     axis.grid(alpha=0.25)

@@ -31,7 +31,14 @@ class Horizon(eqx.Module):
     result: Result
 
     def __str__(self):
-        return f"told to {float(self.time):.4g} s ahead; distances grow by {float(self.growth_rate):.3g} /s"
+        told = (
+            f"told to {float(self.time):.4g} s ahead"
+            if jnp.isfinite(self.time)
+            else f"told to the end, {self.ts[-1]:.4g} s"
+        )
+        told = "the run failed before that could be told" if jnp.isnan(self.time) else told
+        times = f"{float(self.growth[-1]):.2g} times in {self.ts[-1]:.4g} s"
+        return f"{told}; distances grow by {float(self.growth_rate):.3g} /s ({times}; regular motion: in proportion to time)"
 
 
 def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> Horizon:
@@ -57,8 +64,9 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
     >>> print(jaxrod.horizon(system, start, t1=60.0, tolerance=1e-6).time.round(0))
     36.0
     """
-    number = {"t1": t1, "tolerance": tolerance, "distance": distance}
-    t1, tolerance, distance = (checks.positive(name, x, "s" if name == "t1" else "1") for name, x in number.items())
+    t1 = checks.positive("t1", t1, "s")
+    tolerance = checks.positive("tolerance", tolerance, "lengths of the rod")
+    distance = checks.positive("distance", distance, "rad and strain")
     if isinstance(system.motion, Driven) and system.basis.n == 0:
         raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")
     return _horizon(system, start, t1, tolerance, distance)

@@ -54,13 +54,27 @@ class FirstFrequency(AbstractQuantity):
 
 
 class LargestStrain(AbstractQuantity):
-    """The largest elongation over length, either way, at the times that are saved."""
+    """The largest elongation over length, either way, at the times that are saved; or the largest strain of the section `at`
+    (m from the root).
+
+    `budget`, `plan` and `tradeoff` ask for it at the 200 `times(t0, t1)`: save those to see the same.
+
+    >>> import jaxrod
+    >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.02), young=1e7, density=1200.0)
+    >>> system = jaxrod.System(rod, jaxrod.Rotation(), jaxrod.LoadRitz(3), gravity=9.81)
+    >>> sol = jaxrod.simulate(system, system.state(), t1=0.5)
+    >>> bool(jaxrod.LargestStrain(at=0.0)(sol) > jaxrod.LargestStrain()(sol))
+    True
+    """
 
     name: ClassVar[str] = "largest strain"
     unit: ClassVar[str] = ""
+    at: Any = None
 
     def __call__(self, solution):
-        return jnp.max(jnp.abs(solution.strain), axis=-1)
+        if self.at is None:
+            return jnp.max(jnp.abs(solution.strain), axis=-1)
+        return jnp.max(jnp.abs(solution.strain_field(jnp.asarray(self.at)[None])), axis=(-2, -1))
 
     def times(self, t0, t1):
         return jnp.linspace(t0, t1, 201)[1:]
@@ -103,25 +117,34 @@ class Measured(AbstractQuantity):
     'J'
     """
 
-    function: Callable[[Any], Array]
+    function: Callable[[Any], Any]
     unit: str = eqx.field(static=True)
     largest: Any
     name: str = eqx.field(static=True)
 
-    def __init__(
-        self, function: Callable[[Any], Array], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"
-    ):
+    def __init__(self, function: Callable[[Any], Any], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"):
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
     def __call__(self, solution):
-        return jnp.asarray(self.function(solution))
+        found = jnp.asarray(self.function(solution))
+        return found if jnp.issubdtype(found.dtype, jnp.inexact) else found.astype(solution.ts.dtype)
 
     def span(self, system):
         return jnp.asarray(self.largest)
 
 
-def as_quantity(given: Any) -> AbstractQuantity:
-    """A quantity, a function of a solution as one, or the tip where nothing is given."""
+def as_quantity(given: AbstractQuantity | Callable[[Any], Any] | None) -> AbstractQuantity:
+    """A quantity, a function of a solution as one, or the tip where nothing is given.
+
+    **Raises:** `ValueError` for anything else.
+    """
     if given is None:
         return FinalTip()
-    return given if isinstance(given, AbstractQuantity) else Measured(given)
+    if isinstance(given, AbstractQuantity):
+        return given
+    if isinstance(given, type) or not callable(given):
+        shown = given.__name__ if isinstance(given, type) else repr(given)
+        raise ValueError(
+            f"quantity {shown} cannot be asked for; give one, such as FinalTip(), or a function of a solution."
+        )
+    return Measured(given)

@@ -28,7 +28,8 @@ class Solution(eqx.Module):
 
     `ts` (T,) in s; `states`, a `State` with leading axis T (for a `Lagrangian` a pair q, v; with `SaveAt(fn=)` what it
     returned); `result`, a code of `Result`; `stats`, counts of steps, the mean `step` in s and `t_end`, the time in s the
-    run reached; `start`, where it began; `method`, solver and coordinates; `budget`, the error of a quantity, if asked for.
+    run reached; `start`, where it began; `method`, solver and coordinates; `budget`, the error of a quantity, of several
+    a tuple, if asked for.
     What the run did not reach is NaN.
     """
 
@@ -117,6 +118,10 @@ class Solution(eqx.Module):
         """Positions in m of the material points s (m)."""
         return self._each(jax.tree_util.Partial(_shape, jnp.asarray(s)))
 
+    def strain_field(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points"]:
+        """Strain at the material points s (m)."""
+        return self._each(jax.tree_util.Partial(_strain_field, jnp.asarray(s)))
+
     def _each(self, quantity: Callable) -> Array:
         return _each(quantity, self.ts.ndim - 1, self.system, self.ts, self.states)
 
@@ -143,7 +148,7 @@ class Solution(eqx.Module):
                 lines.append(f"{name:>8}: {jnp.nanmin(values):.6g} .. {jnp.nanmax(values):.6g} {unit}".rstrip())
             lines += [f"left out: {line}" for line in self._left_out()]
         if self.budget is not None:
-            lines.append(str(self.budget))
+            lines += map(str, self.budget if isinstance(self.budget, tuple) else [self.budget])
         return "\n".join(lines)
 
     def _left_out(self) -> list[str]:
@@ -196,6 +201,10 @@ def _energy(system, t, state):
 
 def _angular_momentum(system, t, state):
     return system.angular_momentum(state)
+
+
+def _strain_field(s, system, t, state):
+    return system.strain_field(state, s)
 
 
 def _shape(s, system, t, state):

@@ -2,7 +2,6 @@
 
 from typing import Any
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +16,7 @@ from .multistep import AbstractMultistep, Remembered
 from .result import Result
 from .solution import Solution
 from .splitting import AbstractStepped
-from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
+from .symplectic import ABA864, AbstractSymplectic
 from .system import System
 from .unrolled import Unrolled, Whole
 
@@ -34,19 +33,6 @@ _UNRESOLVED = {"float64": 15.0, "float32": 2.0}  # difference from half the step
 _EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}  # rounding, of the length, for each radian that the rod turned
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 0.3  # energy lost, in tolerances, above which steps were too long
-
-
-def best_solver(system: System) -> tuple[diffrax.AbstractSolver, str]:
-    """The solver for a scene, and why."""
-    if system.unsplit:
-        return diffrax.Dopri8(), f"adaptive, because {system.unsplit}"
-    if isinstance(system.motion, Driven):
-        return BlanesMoan6(), "symplectic, the oscillators of the strain exact"
-    if system.basis.n == 0:
-        return BlanesMoan6(), "symplectic, the turning of the rigid rod exact"
-    if system.splits_flat:
-        return BlanesMoan6(), "symplectic, as uniform strain makes the kinetic energy flat"
-    return ABA864(), "symplectic for small kicks, axial vibration and turning exact"
 
 
 def step_size(system: System, start: State, solver: AbstractSymplectic, tolerance, t0, t1) -> Float[Array, ""]:

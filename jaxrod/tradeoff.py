@@ -1,5 +1,6 @@
 """Speed for accuracy, measured on the scene at hand: rungs, solvers, steps and float types, each with its error and cost."""
 
+import dataclasses
 import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -11,16 +12,16 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from . import continuum
+from . import arguments, continuum
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .choice import in_type, named
+from .defaults import by_equal_steps, solvers
 from .ladder import brought
 from .load_basis import LoadRitz
 from .motion import Driven, State
 from .quantity import as_quantity
 from .rod import Lumped
-from .simulation import default_solver, simulate
-from .symplectic import AbstractSymplectic, StormerVerlet
+from .simulation import simulate
 from .system import System
 
 RUNGS: tuple[AbstractBasis, ...] = (
@@ -29,14 +30,15 @@ RUNGS: tuple[AbstractBasis, ...] = (
 _FRACTIONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)  # of the steps of the default
 _TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)  # of a step, of the adaptive solver
 _BEST = LoadRitz(9)  # in place of the exact rod where that would take too long
+_FINE = 1e-11  # tolerance of a rung's own answer
 _MOST_STEPS = 1e5  # of the exact rod
 _MODES = 64
 _REPEATS = 3
 
 
 class Row(NamedTuple):
-    """One way to run the scene: its `error` in the quantity's unit (the largest of its numbers), and `cost`, computing time
-    in s for each simulated second, compilation apart."""
+    """One way to run the scene: its `error` in the quantity's unit (the largest of its numbers), at least the rung's own, which
+    steps may undo by luck; and `cost`, computing time in s for each simulated second, compilation apart."""
 
     rung: str
     solver: str
@@ -107,12 +109,14 @@ def tradeoff(
     - `t0`, `t1`: when it begins and ends, in s.
     - `quantity`: what is asked, such as `jaxrod.FinalTip()` (the default), or a function of a solution.
     - `static`: start the rod stretched as it is at rest in its spin and gravity, on each rung by that rung's own strain.
-    - `seconds`: stop after so much time, however many ways are left; one way takes some seconds to compile.
+    - `seconds`: stop after so much time, however many ways are left; the reference and the way that is under way are finished,
+      and each takes some seconds to compile.
     - `progress`: a bar; on a terminal if left out.
 
     **Returns:** a `Tradeoff`; `jaxrod.plot.tradeoff` draws it.
 
-    **Raises:** `ValueError` if `seconds` is not positive, or the scene's rod is a `Lumped` body, which has one rung.
+    **Raises:** `ValueError` if `seconds` is not positive, t1 not after t0, the quantity none, or the scene's rod is a `Lumped`
+    body, which has one rung.
 
     Errors are measured from the exact rod in motion (`continuum.simulate`) where it takes that scene in good time, else from
     nine load-dependent shapes; `reference` says which.
@@ -129,40 +133,45 @@ def tradeoff(
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
     quantity = as_quantity(quantity)
-    ts = quantity.times(t0, t1)
+    arguments.check_scene(system, start)
+    t0, t1 = map(float, arguments.times(None, t1, t0, None, jnp.float64)[:2])
+    ts, begun = quantity.times(t0, t1), time.perf_counter()
     true, own_error, reference = _reference(system, start, quantity, t0, ts, static)
     ways = list(_ways(system))
-    rows, begun, done = [], time.perf_counter(), 0
+    rows, done, own = [], 0, {}
     for way in tqdm(ways, unit=" ways", disable=None if progress is None else not progress):
         if rows and time.perf_counter() - begun > seconds:
             break
-        rows += _measured(way, system, start, quantity, t0, ts, static, true)
+        rung = named(way.basis)
+        if rung not in own:
+            fine = simulate(*brought(system, start, way.basis, static), t0=t0, ts=ts, tolerance=_FINE, throw=False)
+            own[rung] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
+        found = _measured(way, system, start, quantity, t0, ts, static, true)
+        rows += [row._replace(error=max(row.error, own[rung])) for row in found]
         done += 1
     rows = sorted((row for row in rows if np.isfinite(row.error)), key=lambda row: row.cost)
     return Tradeoff(rows, quantity.name, quantity.unit, reference, own_error, len(ways) - done)
 
 
 def _ways(system: System) -> Iterator[_Way]:
-    """The likeliest first."""
-    with_inertia = [basis for basis in RUNGS if not isinstance(basis, QuasiStatic)]
-    rungs = with_inertia if isinstance(system.motion, Driven) else RUNGS  # driven, a condensed rod has nothing to move
-    yield from (_Way(basis, None, "float64") for basis in rungs)
-    others = [
-        (diffrax.Dopri8(), "float64"),
-        *([] if system.unsplit else [(StormerVerlet(), "float64")]),
-        (None, "float32"),
-    ]
-    yield from (_Way(basis, *other) for other in others for basis in with_inertia)
+    """The likeliest first: the default on each rung, steps that adapt, the other solvers, float32."""
+    # Driven, a condensed rod has nothing to move.
+    rungs = [x for x in RUNGS if not (isinstance(system.motion, Driven) and isinstance(x, QuasiStatic))]
+    scenes = [(basis, dataclasses.replace(system, basis=basis)) for basis in rungs]
+    worth = [(basis, solvers(scene)) for basis, scene in scenes]
+    yield from (_Way(basis, best, "float64") for basis, (best, *_) in worth)
+    yield from (_Way(basis, diffrax.Dopri8(), "float64") for basis, (best, *_) in worth if by_equal_steps(best))
+    yield from (_Way(basis, other, "float64") for basis, (_, *others) in worth for other in others)
+    narrow = [(basis, solvers(in_type("float32", scene))[0]) for basis, scene in scenes]
+    yield from (_Way(basis, best, "float32") for basis, best in narrow if by_equal_steps(best))
 
 
 def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) -> list[Row]:
     """One way, with several steps: one compiled program."""
     scene, begin = brought(system, start, way.basis, static)
     scene, begin, ts_ = in_type(way.dtype, (scene, begin, ts))
-    solver = default_solver(scene) if way.solver is None else way.solver
-    if scene.unsplit and isinstance(solver, AbstractSymplectic):
-        return []
-    if isinstance(solver, AbstractSymplectic):
+    solver, equal = way.solver, by_equal_steps(way.solver)
+    if equal:
         plain = simulate(scene, begin, t0=t0, ts=ts_, throw=False)
         settings = sorted({max(ts.size, int(plain.stats["num_steps"] * x)) for x in _FRACTIONS})
     else:
@@ -170,11 +179,8 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
 
     @eqx.filter_jit
     def run(scene, begin, setting):
-        how: dict[str, Any]
-        if isinstance(solver, AbstractSymplectic):
-            how = {"n_steps": setting}
-        else:
-            how = {"stepsize_controller": diffrax.PIDController(rtol=setting, atol=setting)}
+        adapt = {"stepsize_controller": diffrax.PIDController(rtol=setting, atol=setting)}
+        how: dict[str, Any] = {"n_steps": setting} if equal else adapt
         sol = simulate(scene, begin, t0=t0, ts=ts_, solver=solver, throw=False, **how)
         return quantity(sol), sol.ok, sol.stats["num_steps"]
 
@@ -206,20 +212,10 @@ def _reference(system, start, quantity, t0, ts, static: bool):
         except ValueError:  # a force that it does not take
             pass
         else:
-            true, other = (quantity(_AsSolution(x)) for x in (exact, poorer))
+            true, other = quantity(exact), quantity(poorer)
             return true, float(jnp.max(jnp.abs(true - other))), "the exact rod"
     best, poorer = (
-        quantity(simulate(*brought(system, start, basis, static), t0=t0, ts=ts, tolerance=1e-11))
+        quantity(simulate(*brought(system, start, basis, static), t0=t0, ts=ts, tolerance=_FINE))
         for basis in (_BEST, LoadRitz(_BEST.n - 3))
     )
     return best, float(jnp.max(jnp.abs(best - poorer))), named(_BEST)
-
-
-class _AsSolution:
-    """The exact rod's run with the names of a `Solution`."""
-
-    def __init__(self, exact: continuum.ContinuumSolution):
-        self.system, self.states, self.ts = exact.system, exact.states, exact.ts
-        self.angle, self.rate, self.tip = exact.angle, exact.rate, exact.tip
-        self.energy, self.angular_momentum = exact.energy, exact.angular_momentum
-        self.strain = exact.tip_stretch / exact.system.rod.length

@@ -148,3 +148,42 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
     lowered, back = on_rung(*on_rung(system, start, jaxrod.Ritz(4)), jaxrod.Ritz(1))
     np.testing.assert_allclose(back.amplitudes, start.amplitudes, rtol=1e-12)
     assert lowered == dataclasses.replace(system, basis=lowered.basis)
+
+
+def test_the_largest_of_a_run_is_looked_for(cone):
+    """Given its end alone, a run is looked at where the quantity wants it; and several may be asked for at once."""
+    system, start = _scene(cone, jaxrod.Ritz(3))
+    asked = [jaxrod.LargestStrain(), jaxrod.FinalTip()]
+    largest, tip = jaxrod.simulate(system, start, t1=0.1, budget=asked).budget
+    sol = jaxrod.simulate(system, start, ts=asked[0].times(0.0, 0.1), budget=asked[0])
+    np.testing.assert_allclose(largest.value, sol.budget.value, rtol=1e-9)
+    assert largest.value > 1.05 * jnp.abs(sol.strain[-1]) and tip.value.shape == (2,)
+    assert "how stiffness changes with strain" in str(tip) and largest.strain > sol.strain.max()
+
+
+@pytest.mark.parametrize("quantity", ["tip", True, jaxrod.FinalTip, 3.0], ids=str)
+def test_no_quantity(cone, quantity):
+    """Said before anything runs."""
+    system, start = _scene(cone, jaxrod.Ritz(1))
+    calls = [
+        lambda: jaxrod.simulate(system, start, t1=0.1, budget=quantity),
+        lambda: jaxrod.plan(system, start, t1=0.1, tolerance=1e-2, quantity=quantity),
+        lambda: jaxrod.tradeoff(system, start, t1=0.1, quantity=quantity),
+    ]
+    for call in calls:
+        with pytest.raises(ValueError, match=r"quantity .* cannot be asked for; give one, such as FinalTip\(\)"):
+            call()
+
+
+def test_whole_numbers_are_a_quantity(cone):
+    system, start = _scene(cone, jaxrod.Ritz(1))
+    budget = jaxrod.simulate(system, start, t1=0.1, budget=lambda sol: jnp.argmax(sol.angle)).budget
+    assert budget.value == 0.0 and budget.bound < 1e-9
+
+
+def test_a_tip_force_is_held_by_the_richer_rungs(cone):
+    """Shapes that loads make have no tension at a free tip: against them a steady pull would have too wide a bound."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.ForceRitz(3), forces=[jaxrod.TipForce(50.0)])
+    start = jaxrod.ladder.at_rest(system, system.state())
+    budget = jaxrod.simulate(system, start, t1=0.05, budget=jaxrod.FinalTip()).budget
+    assert jnp.max(budget.model) < 1e-9

@@ -4,6 +4,9 @@ The figures of release and spin are closed forms (d'Alembert's, of cones by a de
 rotor come from 80 exact modes with the tail of the series, good to the absolute errors given with them.
 """
 
+import ast
+import pathlib
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,6 +14,7 @@ import pytest
 
 import jaxrod
 from jaxrod import continuum
+from jaxrod.ladder import on_rung
 
 STILL = jaxrod.Driven(lambda t: 0.0 * t)
 
@@ -101,10 +105,10 @@ def test_steady_spin(radii, fraction, rate, tip, strain, inertia):
         start = system.state() if isinstance(motion, jaxrod.Driven) else system.state(rate=rate)
         sol = continuum.simulate(system, start, ts=ts, static=True, modes=32, error=False)
         np.testing.assert_allclose(sol.tip_stretch, tip, rtol=1e-8)
-        np.testing.assert_allclose(sol.strain([0.0]), strain, rtol=1e-5)
+        np.testing.assert_allclose(sol.strain_field([0.0]), strain, rtol=1e-5)
         np.testing.assert_allclose(sol.angular_momentum, rate * inertia, rtol=1e-8)
         np.testing.assert_allclose(sol.rate, rate, rtol=1e-8)
-        assert off(sol.strain([1.0]), 0.0) < 1e-12 * strain
+        assert off(sol.strain_field([1.0]), 0.0) < 1e-12 * strain
 
 
 @pytest.mark.slow
@@ -197,7 +201,7 @@ def test_step_load():
     assert abs(float(sol.tip_stretch.max()) / static - 2) < 0.21 / 64
     still = continuum.simulate(system, system.state(), ts=ts, modes=64, tolerance=1e-11, static=True)
     np.testing.assert_allclose(still.tip_stretch, static, rtol=1e-12)
-    np.testing.assert_allclose(still.strain([0.0, 0.4, 1.0]), 0.01, rtol=1e-12)
+    np.testing.assert_allclose(still.strain_field([0.0, 0.4, 1.0]), 0.01, rtol=1e-12)
     # as many vibrations as the strain has, by the power of the force: T + V - F u stays
     work = 0.01 * area * (sol.states.amplitudes @ sol.waves.tip)
     assert np.ptp(sol.energy - work) < 1e-6 * float(work.max())
@@ -341,6 +345,21 @@ def test_other_strain_laws():
     assert off(sol.tip_stretch, linear.tip_stretch) > 1e-4
 
 
+@pytest.mark.parametrize("motion", [jaxrod.Flight(), jaxrod.Rotation(pivot=0.3)], ids=lambda x: type(x).__name__)
+def test_elongation(motion):
+    """Strain is the elongation of the whole rod over its length, wherever the rod is held: the mean of its field."""
+    system = unit(jaxrod.Cone(2.0, 3.0), motion, jaxrod.Ritz(3))
+    start = system.state(rate=0.3)
+    sol = continuum.simulate(system, start, ts=jnp.linspace(0.5, 1.5, 3), modes=64, error=False)
+    x, w = (np.array(each) for each in np.polynomial.legendre.leggauss(200))
+    nodes = np.concatenate([0.3 * (1 + x) / 2, 0.3 + 0.7 * (1 + x) / 2])  # from the pivot on strain jumps
+    weights = np.concatenate([0.3 * w / 2, 0.7 * w / 2])
+    np.testing.assert_allclose(sol.strain, sol.strain_field(nodes) @ weights, rtol=1e-6)
+    near = jaxrod.simulate(*on_rung(system, start, jaxrod.LoadRitz(9)), ts=sol.ts)
+    np.testing.assert_allclose(sol.strain, near.strain, rtol=1e-2)
+    np.testing.assert_allclose(near.strain_field(nodes) @ weights, near.strain, rtol=1e-10)
+
+
 @pytest.mark.slow
 def test_strain_of_the_start():
     """The field of the basis, its rates too, and none of a rigid rod."""
@@ -348,8 +367,8 @@ def test_strain_of_the_start():
     system = unit(jaxrod.Cone(2.0, 3.0), STILL, jaxrod.Ritz(3))
     start = system.state(amplitudes=[0.02, 0.01, -0.005], amplitude_rates=[0.0, 0.3, 0.1])
     sol = continuum.simulate(system, start, ts=jnp.array([0.0, 1e-3]), modes=256, error=False, tolerance=1e-10)
-    assert off(sol.strain(s)[0], system.strain_field(start, s)) < 1e-4
-    rates = np.asarray(sol.strain(s)[1] - sol.strain(s)[0]) / 1e-3
+    assert off(sol.strain_field(s)[0], system.strain_field(start, s)) < 1e-4
+    rates = np.asarray(sol.strain_field(s)[1] - sol.strain_field(s)[0]) / 1e-3
     faster = system.state(amplitudes=start.amplitude_rates)
     assert off(rates, system.strain_field(faster, s)) < 0.04
     rigid = unit(jaxrod.Cone(2.0, 3.0), STILL, jaxrod.Ritz(0))
@@ -446,3 +465,15 @@ def test_refusals():
         continuum.converged(system, start, ts=ts, change=1e-3, most=16)
     with pytest.raises(ValueError, match=r"change=-1.* must be positive"):
         continuum.converged(system, start, ts=ts, change=-1.0)
+
+
+def test_shares_nothing_with_the_rungs():
+    """The yardstick reads the rod, its motion and the force at its tip, quadrature; no shapes, energies, equations."""
+    of_ours = set()
+    for path in pathlib.Path(continuum.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.level == 2:
+                of_ours |= {f"{node.module}.{x.name}" if node.module else x.name for x in node.names}
+    rooms = {name.split(".")[0] for name in of_ours}
+    assert rooms == {"checks", "force", "mesh", "motion", "quadrature", "rod", "section"}
+    assert [name for name in of_ours if name.startswith("force.")] == ["force.TipForce"]

@@ -419,3 +419,21 @@ def test_breaks():
 def test_a_thick_rod_is_told():
     with pytest.warns(UserWarning, match=r"lateral inertia.* by 3 %; see jaxrod\.model_limits"):
         jaxrod.natural_frequencies(_scene(rod=_rod(section=jaxrod.Uniform(0.4))))
+
+
+def test_questions_that_cannot_be_asked(cone):
+    """Of a plan, a trade-off and a horizon, before anything runs."""
+    system = jaxrod.System(cone, jaxrod.Rotation())
+    start = system.state(rate=1.0)
+    cases = [
+        (lambda: jaxrod.plan(system, start, t1=-0.1, tolerance=1e-2), r"t1=-0.1 does not lie after t0=0"),
+        (lambda: jaxrod.plan(system, start, t1="1", tolerance=1e-2), r"t1='1' is not a number"),
+        (lambda: jaxrod.plan(system, None, t1=1.0, tolerance=1e-2), r"start=None does not fit"),
+        (lambda: jaxrod.plan(system, start, t1=1.0, tolerance=float("nan")), r"tolerance=nan is not finite"),
+        (lambda: jaxrod.tradeoff(system, start, t1=0.0), r"t1=0.* does not lie after t0=0"),
+        (lambda: jaxrod.horizon(system, start, t1=1.0, tolerance=-1), r"tolerance=-1.* give it in lengths of the rod"),
+        (lambda: jaxrod.horizon(system, start, t1=1.0, tolerance=1e-6, distance=0.0), r"distance=0.* rad and strain"),
+    ]
+    for call, said in cases:
+        with pytest.raises(ValueError, match=said):
+            call()

@@ -2,6 +2,7 @@
 
 import contextlib
 import dataclasses
+import functools
 
 import diffrax
 import hypothesis
@@ -365,36 +366,48 @@ def test_inertia_beyond_float32(cone):
 
 # ---- none silently wrong
 
-_KIND = random_extremes.Kind("Rotation", 1)
-
 
 def _batches(kind, lanes):
     """Batches of extreme scenes of one kind, each drawn by one number: shrinking it would not make a scene simpler."""
     return st.integers(0, 2**32 - 1).map(lambda seed: random_extremes.draw(kind, lanes, np.random.default_rng(seed)))
 
 
-@jax.jit
-@jax.vmap
-def _looked(p):
-    found, known = random_extremes.yardstick(_KIND, p)
-    return found, random_extremes.growth(_KIND, p, known)
+def _looked(kind):
+    def look(p):
+        double, known = random_extremes.yardstick(kind, p)
+        grown = random_extremes.growth(kind, p, known)
+        return {name: {**x, "growth": grown} for name, x in (("float64", double), ("float32", single(p, known)))}
+
+    single = functools.partial(random_extremes.single, kind)
+    return jax.jit(jax.vmap(look))
 
 
-@hypothesis.settings(max_examples=5, derandomize=True, deadline=None)
-@hypothesis.given(_batches(_KIND, 64))
-def test_none_silently_wrong(p):
-    """Whatever ends ok is right: within the promise of half the step in float64, energy kept to ten times that.
+@pytest.mark.parametrize(
+    "kind",
+    [
+        random_extremes.Kind("Rotation", 1),
+        *(pytest.param(random_extremes.Kind(x, 1), marks=pytest.mark.slow) for x in ("Spherical", "Flight", "Driven")),
+    ],
+    ids=str,
+)
+def test_none_silently_wrong(kind):
+    """Whatever ends ok is right: within the promise of half the step in float64, energy kept to ten times that; float32 too.
 
-    The batches share one compiled program.  Beyond the horizon, where the rounding of steps sets runs apart, nothing is
-    asked.
+    The batches, the same on every day, share one compiled program.  Beyond the horizon, where the rounding of steps sets
+    runs apart, nothing is asked.  benchmarks/random_extremes.py draws as many more as one likes.
     """
-    found, grown = _looked(p)
-    seen = random_extremes.verdict("float64", {**found, "growth": grown})
-    assert seen["ok"].mean() > 0.5
-    wrong = np.flatnonzero(
-        seen["wrong"] & ~((seen["margin"] < 3) & (seen["kept"] < 10))
-    )  # near chaos: up to three times
-    assert not wrong.size, [{name: x[k] for name, x in p.items()} for k in wrong]
+    look = _looked(kind)
+
+    @hypothesis.settings(max_examples=5, derandomize=True, deadline=None)
+    @hypothesis.given(_batches(kind, 64))
+    def none_is(p):
+        for name, found in look(p).items():
+            seen = random_extremes.verdict(name, found)
+            assert seen["ok"].mean() > (0.5 if name == "float64" else 0.2)
+            wrong = np.flatnonzero(seen["wrong"])
+            assert not wrong.size, [(name, {name: x[k] for name, x in p.items()}) for k in wrong]
+
+    none_is()
 
 
 # ---- steps that are not trusted

@@ -91,7 +91,13 @@ class ContinuumSolution(eqx.Module):
         tip = (self.waves.reach + self.tip_stretch)[:, None] * self.director
         return tip if self.center is None else tip + self.center
 
-    def strain(self, s: Float[Array, " points"]) -> Float[Array, "T points"]:
+    @property
+    def strain(self) -> Float[Array, " T"]:
+        """Elongation over length."""
+        elongation = self.states.amplitudes @ self.waves.elongation + self.loads @ self.waves.slack_elongation
+        return elongation / self.system.rod.length
+
+    def strain_field(self, s: Float[Array, " points"]) -> Float[Array, "T points"]:
         """Strain at the material coordinates s (m)."""
         s, rod = jnp.asarray(s), self.system.rod
         rigidity = rod.modulus(s) * rod.area(s)

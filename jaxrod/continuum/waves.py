@@ -28,6 +28,7 @@ class Waves(eqx.Module):
 
     The modes beyond the n-th follow their loads as if at rest.  `slack` (3,) and `slack_tension` (N, 3) are what they add
     to the tip's displacement and to the tension per unit of the three loads: |d'|^2, g . d and the force along the rod.
+    `slack_elongation` (3,) is what they add to that of the whole rod.
     """
 
     omega: Float[Array, " n"]
@@ -65,7 +66,14 @@ class Waves(eqx.Module):
 
     def strain(self, q: Float[Array, " n"]) -> Float[Array, " N"]:
         """Strain at the nodes."""
-        return (self.tension @ q) * self.panels.ds / jnp.where(self.rigidity > 0, self.rigidity, 1.0)
+        return self._strained(self.tension @ q)
+
+    @property
+    def slack_elongation(self) -> Float[Array, "3"]:
+        return self.panels.ds @ jax.vmap(self._strained, 1, 1)(self.slack_tension)
+
+    def _strained(self, tension: Float[Array, " N"]) -> Float[Array, " N"]:
+        return tension * self.panels.ds / jnp.where(self.rigidity > 0, self.rigidity, 1.0)
 
     def tension_at(self, s: Float[Array, " points"]) -> Float[Array, "points n+3"]:
         """Tension in N per amplitude, and per load, at the material coordinates s (m): its polynomial on each panel."""

@@ -1,0 +1,118 @@
+"""What `simulate` is given, looked at before anything runs."""
+
+from typing import Any
+
+import diffrax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from . import checks
+from .chart import AbstractChart
+from .lagrangian import Lagrangian
+from .motion import Driven, State
+from .multistep import AbstractMultistep
+from .stepping import LEAST_TOLERANCE
+from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
+from .system import System
+
+_DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
+
+
+def check_scene(system: Any, start: Any, chart: Any = None) -> None:
+    if not isinstance(system, System | Lagrangian):
+        raise ValueError(f"system={system!r} cannot be simulated; give a System, or Lagrangian(function of t, q, v).")
+    if isinstance(system, System) != isinstance(start, State):
+        needed = "a state, made by system.state(angle=..., rate=...)" if isinstance(system, System) else "a pair (q, v)"
+        raise ValueError(f"start={start!r} does not fit; this system starts from {needed}.")
+    if chart is not None and not (isinstance(chart, AbstractChart) and isinstance(system, System)):
+        raise ValueError(
+            f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
+        )
+
+
+def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | None) -> None:
+    name = type(solver).__name__
+    if not isinstance(system, System) or system.unsplit:
+        why = system.unsplit if isinstance(system, System) else "it is any Lagrangian"
+        raise ValueError(f"solver={name}() cannot step this scene: {why}; take solver=diffrax.Dopri8().")
+    if chart is not None:
+        raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={chart!r}.")
+    if solver.needs_nystrom and system.basis.n and not (system.splits_flat or isinstance(system.motion, Driven)):
+        raise ValueError(
+            f"solver={name}() keeps its order for uniform strain, rigid and driven rods alone; take ABA864() or BlanesMoan4()."
+        )
+
+
+def check_multistep(system: Any, solver: AbstractMultistep, alone: bool) -> None:
+    name = type(solver).__name__
+    free = isinstance(system, System) and not isinstance(system.motion, Driven)
+    if not (free and system.splits_flat) or system.unsplit:
+        raise ValueError(
+            f"solver={name}() is for uniform strain (Ritz(1)) in float64 that moves freely, without forces that depend on rates; "
+            "take ABA864(), or leave out solver=."
+        )
+    if not alone:
+        raise ValueError(
+            f"solver={name}() goes by equal steps alone; leave out chart=, saveat=, event=, adjoint= and progress_meter=."
+        )
+
+
+def times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
+    if (ts is None) == (t1 is None):
+        given = "neither" if ts is None else "both"
+        raise ValueError(f"{given} of ts= and t1= given; give ts= (times to save at) or t1= (the end alone).")
+    if saveat is not None and (ts is not None or saveat.dense or not isinstance(saveat.subs, diffrax.SubSaveAt)):
+        raise ValueError(
+            "saveat= goes with t1=, without dense= and subs=; give SaveAt(ts=...), SaveAt(steps=True), or ts=."
+        )
+    t0 = checks.number("t0", t0).astype(dtype)
+    inner = None if saveat is None else saveat.subs.ts
+    if inner is not None and checks.fails(lambda ts, t0, t1: (ts >= t0) & (ts <= t1), inner, t0, t1):
+        raise ValueError(f"saveat.ts={checks.shown(inner)} must lie between t0={checks.shown(t0)} and t1={t1}.")
+    if ts is None:
+        t1 = checks.number("t1", t1).astype(dtype)
+        if checks.fails(np.greater, t1, t0):
+            raise ValueError(f"t1={checks.shown(t1)} does not lie after t0={checks.shown(t0)}; give a later t1=.")
+        return t0, t1, None
+    ts = checks.numbers("ts", ts, "times in s").astype(dtype)
+    if checks.fails(lambda ts: np.diff(ts) > 0, ts):
+        first = int(np.argmin(np.diff(ts) > 0))
+        raise ValueError(
+            f"ts must increase, but ts[{first}]={ts[first]:.6g} is followed by {ts[first + 1]:.6g}; sort it and drop doubles."
+        )
+    if checks.fails(lambda ts, t0: (ts[0] >= t0) & (ts[-1] > t0), ts, t0):
+        raise ValueError(
+            f"ts={checks.shown(ts)} does not lie after the start t0={checks.shown(t0)}; give later times, or t0=."
+        )
+    return t0, ts[-1], ts
+
+
+def checked_tolerance(tolerance, dtype) -> Float[Array, ""]:
+    name = jnp.dtype(dtype).name
+    if tolerance is None:
+        tolerance = _DEFAULT_TOLERANCE[name]
+    tolerance = checks.positive("tolerance", tolerance, "relative error of the tip's position")
+    if checks.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
+        other = "call jaxrod.configure() and build the scene in float64" if name == "float32" else "take a larger one"
+        raise ValueError(
+            f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {LEAST_TOLERANCE[name]:.0e}; {other}."
+        )
+    return tolerance.astype(dtype)
+
+
+def check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
+    if not isinstance(solver, diffrax.AbstractSolver | AbstractMultistep):
+        raise ValueError(f"solver={solver!r} is not a solver; give an instance, such as diffrax.Tsit5().")
+    if dt0 is not None:
+        checks.positive("dt0", dt0, "seconds")
+    if n_steps is not None:
+        checks.number("n_steps", n_steps)
+        if checks.fails(lambda n: (n >= 1) & (n == np.floor(n)), n_steps):
+            raise ValueError(f"n_steps={n_steps} must be a positive whole number.")
+        if dt0 is not None or stepsize_controller is not None:
+            raise ValueError(f"n_steps={n_steps} fixes the steps; leave out dt0= and stepsize_controller=.")
+    elif isinstance(solver, BlanesMoan6 | ABA864) and plain:
+        return  # steps are counted by the tolerance
+    elif dt0 is None and stepsize_controller is None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):
+        raise ValueError(f"solver={type(solver).__name__}() estimates no error to adapt steps by; give n_steps=.")
