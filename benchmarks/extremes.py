@@ -308,21 +308,81 @@ def main() -> None:
     parser.add_argument("--only", default="", help="those extremes alone whose title holds this; writes nothing")
     arguments = parser.parse_args()
     extremes = [
-        Extreme("Stiffness", "Steps are counted in axial periods, so the modulus costs no accuracy.", stiffness),
-        Extreme("Stiffness over weight", "A soft rod falls far: its kicks, gravity, are as large as its springs.", weight),
-        Extreme("Free spin", "Angular momentum is kept: stretching slows the rod, and no rate is critical.", free_spin),
-        Extreme("Driven spin", "Beyond the critical rate the strain grows at the root of W^2 - omega_1^2.", driven_spin),
-        Extreme("Collapse", "Without angular momentum the rod reaches nothing; with some it turns ever faster.", collapse),
-        Extreme("Poles", "Director and q = (1 + eps) d have no pole.", poles),
-        Extreme("Standing upright", "A lean grows as cosh; pi/2 is no floating-point number.", upright),
-        Extreme("No gravity", "None leaves the term out, 0.0 multiplies it by zero.", no_gravity),
-        Extreme("Tapers", "The run is as right as elsewhere; uniform strain is the wrong shape.", tapers),
-        Extreme("Bodies at the tip", "They lower the axial rate, and the steps follow it.", tip_masses),
-        Extreme("Lengths", "Flows are per moment of inertia; float32 ends at 1e-38.", lengths),
-        Extreme("Long runs", "Errors of phase grow in proportion to time, the energy has no trend.",
-                lambda: long_runs(arguments.periods)),
-        Extreme("Long steps", "A step beyond stability is named first; the exact oscillators of float32 have none.", long_steps),
-    ]  # fmt: skip
+        Extreme(
+            "Stiffness",
+            "Steps are counted in axial periods, so the modulus costs no accuracy.",
+            stiffness,
+        ),
+        Extreme(
+            "Stiffness over weight",
+            "A soft rod falls far: its kicks, gravity, are as large as its springs. At 1e-3 it falls hundreds of "
+            "lengths, of which float32 keeps too few digits for its steps.",
+            weight,
+        ),
+        Extreme(
+            "Free spin",
+            "Angular momentum is kept: stretching slows the rod, and no rate is critical. Set to 3 times critical "
+            "at once, it is stretched to several lengths; three shapes see a section pressed through itself on "
+            "the way back, one shape has none.",
+            free_spin,
+        ),
+        Extreme(
+            "Driven spin",
+            "Beyond the critical rate the strain grows at the root of W^2 - omega_1^2, until a section is pressed "
+            "through itself (several shapes) or it passes all bounds.",
+            driven_spin,
+        ),
+        Extreme(
+            "Collapse",
+            "Without angular momentum the rod reaches nothing; with some it turns ever faster, and below a strain "
+            "of -2/3 steps are not trusted. The closest passes need more steps than a run may take, or than a "
+            "finer one has.",
+            collapse,
+        ),
+        Extreme(
+            "Poles",
+            "Director and q = (1 + eps) d have no pole.",
+            poles,
+        ),
+        Extreme(
+            "Standing upright",
+            "A lean grows as cosh; pi/2 is no floating-point number.",
+            upright,
+        ),
+        Extreme(
+            "No gravity",
+            "None leaves the term out, 0.0 multiplies it by zero.",
+            no_gravity,
+        ),
+        Extreme(
+            "Tapers",
+            "The run is as right as elsewhere; uniform strain is the wrong shape. Force shapes put the strain "
+            "where the rod is thin: at a point, or nearly, a start stretched by a hundredth is pressed through "
+            "itself at once.",
+            tapers,
+        ),
+        Extreme(
+            "Bodies at the tip",
+            "They lower the axial rate, and the steps follow it.",
+            tip_masses,
+        ),
+        Extreme(
+            "Lengths",
+            "Flows are per moment of inertia; float32 ends at 1e-38. At 1e6 m this rubber weighs a thousand times "
+            "its stiffness: it falls to many lengths and is pressed through itself.",
+            lengths,
+        ),
+        Extreme(
+            "Long runs",
+            "Errors of phase grow in proportion to time, the energy has no trend.",
+            lambda: long_runs(arguments.periods),
+        ),
+        Extreme(
+            "Long steps",
+            "A step beyond stability is named first; the exact oscillators of float32 have none.",
+            long_steps,
+        ),
+    ]
     head = ["scene", "type", "result", "error", "promise", "energy, momentum", "room", "verdict", "note"]
     parts, count = ["## The ends of the scale", "", _preamble()], {}
     for extreme in extremes:

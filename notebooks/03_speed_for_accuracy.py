@@ -97,6 +97,25 @@ angles = jaxrod.sweep(
 print(f"200 scenes as planned: {angles.min():.2f} to {angles.max():.2f} rad")
 
 # %% [markdown]
+# ## A blow
+#
+# The same lesson at its hardest: struck at the tip, by a force that is over before its wave is at the root. A fixed end
+# doubles a wave; uniform strain spreads the blow over the whole rod.
+
+# %%
+blow = jaxrod.scenes.impact()
+ts = jnp.linspace(0.0, blow.t1, 401)[1:]
+exact = jaxrod.continuum.simulate(blow.system, blow.start, ts=ts, error=False)
+fig, axis = plt.subplots(figsize=(7, 3), layout="constrained")
+axis.plot(1e3 * ts, 100 * exact.strain_field([0.0])[:, 0], "k", label="exact rod")
+for basis in (jaxrod.Ritz(1), jaxrod.LoadRitz(6)):
+    model = jaxrod.simulate(*jaxrod.ladder.on_rung(blow.system, blow.start, basis), ts=ts)
+    axis.plot(1e3 * ts, 100 * model.strain_field(jnp.zeros(1))[:, 0], "--", label=f"{type(basis).__name__}({basis.n})")
+axis.set(title="a blow at the tip of 1 %", xlabel="time, ms", ylabel="strain of the root, %")
+axis.legend()
+plt.show()
+
+# %% [markdown]
 # ## When not to ask
 #
 # Stretch a uniform rod evenly and let it go: its tip follows a triangle wave, and a kink runs up and down it. No few smooth
@@ -109,7 +128,8 @@ uniform = jaxrod.System(
 print(jaxrod.plan(uniform, uniform.state(strain=0.02), t1=0.03, tolerance=1e-7))
 
 # %% [markdown]
-# And where two starts part for good, no digits help. A rod so soft that its swing and its strain are in resonance:
+# And where two starts part for good, no digits help. A rod so soft that its swing and its strain are in resonance (with more
+# shapes than one it is pressed through itself before the end, which is what `plan` says):
 
 # %%
 soft = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), young=17658.0, density=1200.0)
