@@ -96,9 +96,10 @@ def _kept(system: System, states: State) -> tuple[Float[Array, ""] | None, Float
         return energy_, None
     momentum = jax.vmap(system.angular_momentum)(states)
     along = momentum[:, None] if momentum.ndim == 1 else momentum @ axis
-    change = jnp.sqrt(jnp.sum((along - along[:1]) ** 2, axis=-1))
     inertia = jnp.nanmax(system.body.inertia(states.amplitudes))
-    return energy_, over(jnp.nanmax(change), jnp.sqrt(2 * size * inertia))
+    # Over its scale first, and root by root: squares of a large rod's momentum are beyond float32.
+    change = over(along - along[:1], jnp.sqrt(2 * size) * jnp.sqrt(inertia))
+    return energy_, jnp.sqrt(jnp.nanmax(jnp.sum(change**2, axis=-1)))
 
 
 def _axis(system: System) -> Float[Array, "D kept"] | None:
