@@ -1,9 +1,11 @@
-"""How long does a stage take?  For each kind of step, number of strain shapes and float type: what `jaxrod.plan` weighs by.
+"""How long does a stage take, and a scene besides?  For each kind of step, shapes and float type: what `jaxrod.plan` weighs by.
 
     python benchmarks/calibration.py
 
 64 scenes side by side on one core, equal steps in runs of few and of many: what the second take longer, over the
-stages that they have more.  Writes jaxrod/stage_costs.json and the part "stages" of docs/accuracy_of_plans.md.
+stages that they have more.  What a scene takes besides, to begin, to save and to be judged, is what a run of few steps of
+rigid rods takes without them, 1,024 side by side.  Writes jaxrod/stage_costs.json and the part "stages" of
+docs/accuracy_of_plans.md.
 """
 
 import dataclasses
@@ -26,6 +28,7 @@ from jaxrod import cost  # noqa: E402
 from jaxrod.choice import in_type  # noqa: E402
 
 LANES, REPEATS = 64, 9
+MANY, FEW_STEPS = 1024, (50, 250)
 COUNTS = (2, 3, 4, 6, 9)
 STEPS = (2000, 6000)
 ROOT = pathlib.Path(__file__).parent.parent
@@ -45,6 +48,18 @@ def ways():
 
 def nanoseconds(kind: str, solver: Any, basis: Any, dtype: str) -> float:
     """Of a stage, for each lane."""
+    steps, least = laps(kind, solver, basis, dtype, STEPS, LANES)
+    return 1e9 * (least[-1] - least[-2]) / (steps[-1] - steps[-2]) / cost.stages(solver) / LANES
+
+
+def besides(dtype: str) -> float:
+    """Nanoseconds of a scene without its steps."""
+    (_, few, more), (_, short, longer) = laps("axial", jaxrod.ABA864(), jaxrod.Ritz(0), dtype, FEW_STEPS, MANY)
+    return 1e9 * (short - few * (longer - short) / (more - few)) / MANY
+
+
+def laps(kind: str, solver: Any, basis: Any, dtype: str, counts: tuple[int, int], many: int) -> tuple[list, list]:
+    """Steps taken and seconds: of nothing, then of each count (adaptive solvers take as many as they like)."""
     rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
     driven = kind == "prescribed"
     motion = jaxrod.scenes.steady(jnp.asarray(15.0)) if driven else jaxrod.Rotation()
@@ -61,8 +76,8 @@ def nanoseconds(kind: str, solver: Any, basis: Any, dtype: str) -> float:
         sol = jaxrod.simulate(system, begun, t1=jnp.asarray(2.0, dtype), solver=solver, throw=False, **how)
         return sol.tip[-1], sol.stats["num_steps"]
 
-    lanes = jnp.arange(LANES, dtype=dtype) / LANES
-    sizes = [jnp.full(LANES, size, dtype) for size in (STEPS[:1] if adapts else STEPS)]
+    lanes = jnp.arange(many, dtype=dtype) / many
+    sizes = [jnp.full(many, size, dtype) for size in (counts[:1] if adapts else counts)]
     steps = [0.0, *(float(jnp.max(run(lanes, size)[1])) for size in sizes)]
     least = [0.0, *(math.inf for _ in sizes)]  # what a busy machine adds is no part of it
     for _ in range(REPEATS):
@@ -70,7 +85,7 @@ def nanoseconds(kind: str, solver: Any, basis: Any, dtype: str) -> float:
             begun = time.perf_counter()
             jax.block_until_ready(run(lanes, size))
             least[k] = min(least[k], time.perf_counter() - begun)
-    return 1e9 * (least[-1] - least[-2]) / (steps[-1] - steps[-2]) / cost.stages(solver) / LANES
+    return steps, least
 
 
 def main() -> None:
@@ -80,16 +95,20 @@ def main() -> None:
             counted = [(basis.n, float(f"{nanoseconds(kind, solver, basis, dtype):.3g}")) for basis in bases]
             found.setdefault(kind, {})[dtype] = counted
             print(kind, dtype, counted, flush=True)
-    table = json.dumps({"machine": report.machine(), "ns": found}, indent=1)
+    scene = {dtype: float(f"{besides(dtype):.3g}") for dtype in ("float64", "float32")}
+    print("scene", scene, flush=True)
+    table = json.dumps({"machine": report.machine(), "scene": scene, "ns": found}, indent=1)
     (ROOT / "jaxrod" / "stage_costs.json").write_text(table + "\n", encoding="utf-8")
     rows = [
         [kind, dtype, ", ".join(f"{n}: {ns:.3g}" for n, ns in counted)]
         for kind, types in found.items()
         for dtype, counted in types.items()
     ]
+    rows += [["a scene besides", dtype, f"{ns:.3g}"] for dtype, ns in scene.items()]
     head = (
         "## What a stage takes\n\n`python benchmarks/calibration.py`: nanoseconds for each stage and scene, 64 scenes side "
-        "by side on one core, by the number of strain shapes. jaxrod/stage_costs.json holds them for `jaxrod.plan`.\n\n"
+        "by side on one core, by the number of strain shapes; and what a scene takes besides its steps. "
+        "jaxrod/stage_costs.json holds them for `jaxrod.plan`.\n\n"
     )
     report.write("stages", head + report.table(["step", "type", "shapes: ns"], rows), PAGE)
 

@@ -1,5 +1,6 @@
-"""What a run costs: stages, by what a stage was measured to take (`benchmarks/calibration.py` writes the table)."""
+"""What a run costs: its stages, and what a scene takes besides, as measured (`benchmarks/calibration.py` writes the table)."""
 
+import functools
 import importlib.resources
 import json
 from typing import Any
@@ -14,7 +15,10 @@ from .multistep import AbstractMultistep
 from .symplectic import AbstractSymplectic
 from .system import System
 
-_TABLE = importlib.resources.files("jaxrod").joinpath("stage_costs.json")
+
+@functools.cache
+def _table() -> dict[str, Any]:
+    return json.loads(importlib.resources.files("jaxrod").joinpath("stage_costs.json").read_text())
 
 
 def seconds(system: System, solver: Any, steps: float) -> float:
@@ -23,12 +27,12 @@ def seconds(system: System, solver: Any, steps: float) -> float:
     spent = steps * stages(solver) * stage(way_of(system, solver), dtype, n)
     if isinstance(solver, AbstractMultistep):
         spent += solver.starting_stages * stage("flat", dtype, n)
-    return 1e-9 * spent
+    return 1e-9 * (spent + _table()["scene"][jnp.dtype(dtype).name])
 
 
 def stage(way: str, dtype: Any, n: int) -> float:
     """Nanoseconds of a stage for each scene, with n strain shapes; between the measured n, in proportion."""
-    counts, ns = zip(*json.loads(_TABLE.read_text())["ns"][way][jnp.dtype(dtype).name], strict=True)
+    counts, ns = zip(*_table()["ns"][way][jnp.dtype(dtype).name], strict=True)
     beyond = max(n / counts[-1], 1.0)
     return float(np.interp(n, counts, ns)) * beyond**2
 

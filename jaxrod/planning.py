@@ -1,9 +1,10 @@
 """`plan`: the cheapest way to a number that is good enough, found by trying.
 
-1. *What is true?*  Rungs of more and more shapes, until three of them agree to a part of the tolerance.  What is left is taken to
-   fall as 1 / shapes where the strain jumps (let go from a stretch, struck), else, as after a sudden spin, as its square.  Where
-   they never agree, or where rounding alone would grow beyond the tolerance, it cannot be met.
-2. *Which rung?*  The cheapest that differs from it by less than seven tenths of the tolerance.  Rigid and condensed rods are
+1. *What is true?*  The exact rod in motion, with more and more modes.  Where it does not take the scene or the quantity, or not
+   in good time: rungs of more and more shapes, until three of them agree to a part of the tolerance.  What is left of these
+   is taken to fall as 1 / shapes where the strain jumps (let go from a stretch, struck), else, as after a sudden spin, as its
+   square.  Where the truth is never found, or where rounding alone would grow beyond the tolerance, it cannot be met.
+2. *Which rung?*  The cheapest that differs from it by less than nine tenths of the tolerance.  Rigid and condensed rods are
    tried only where closed forms give them a chance: with delta = (turning rate / axial rate)^2, after an angle omega T, a
    rigid rod is off by 2 delta omega T, and one whose strain follows its loads by 3/2 delta^2 omega T + 2 delta^(3/2).
 3. *Which steps?*  For each solver and float type the fewest with which the rung comes out to nine tenths of what is left of it,
@@ -27,6 +28,7 @@ from .ladder import brought, richer
 from .load_basis import LoadRitz
 from .motion import Driven, Flight, State
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
+from .reference import apart, comparable, exact_answer
 from .rod import Lumped
 from .simulation import simulate
 from .solution import Solution
@@ -34,8 +36,12 @@ from .stepping import LEAST_TOLERANCE
 from .system import System
 
 _SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth
-_AGREED = 0.1  # of the tolerance: two rungs that differ by less have come to the true answer
-_FOR_MODEL, _FOR_ROUNDING = 0.7, 0.1  # shares of the tolerance
+_AGREED = 0.1  # of the tolerance: answers that differ by less have come to the true one
+_STEEPEST = (
+    3.5,
+    4.6,
+)  # powers of 1 / shapes, with a jump and without, by which errors of 4 shapes fell at the most to 24
+_FOR_MODEL, _FOR_ROUNDING = 0.9, 0.1  # shares of the tolerance
 _FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
 _FINE, _FINEST = 1e-11, 1e-12  # tolerance of the runs that a rung is judged by, and of one that judges these
@@ -58,6 +64,16 @@ class _Rung(NamedTuple):
     @property
     def fine_steps(self) -> float:
         return float(self.fine.stats["num_steps"])
+
+
+class _Truth(NamedTuple):
+    """The answer, how far it may be from the true one, what gave it and why it is believed, and a rung that is near."""
+
+    value: np.ndarray
+    apart: float
+    name: str
+    why: str
+    rung: _Rung
 
 
 class _Way(NamedTuple):
@@ -129,66 +145,80 @@ class _Search:
         self.tried: dict[str, _Rung] = {}
         self.family = richer(system)
         jumps = self.family is ForceRitz or (not static and bool(jnp.any(start.amplitudes != 0)))
-        self.power = 1 if jumps else 2  # of 1 / shapes, by which errors fall
+        self.power, self.steepest = (1 if jumps else 2), _STEEPEST[not jumps]  # of 1 / shapes, by which errors fall
 
     def plan(self) -> Plan:
-        truth, apart = self.truth()
-        growth, rounding = self.rounding(truth)
-        unit, nearest = self.quantity.unit, _Way(truth, None, "float64", 0, 0.0, 0.0, math.inf)
-        if math.isinf(growth) and math.isfinite(apart):
+        truth = self.truth()
+        growth, rounding = self.rounding(truth.rung)
+        unit, nearest = self.quantity.unit, _Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf)
+        if math.isinf(growth) and math.isfinite(truth.apart):
             return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
-        if not apart <= _FOR_MODEL * self.tolerance:
-            why = f"{named(truth.basis)} may still be off by {apart:.1e} {unit}"
-            if not math.isfinite(apart):
-                why = f"runs with {named(truth.basis)}, or the rungs below it, do not reach the end"
-            return self.planned(nearest, apart, False, why)
+        if not truth.apart <= _FOR_MODEL * self.tolerance:
+            why = f"{truth.name} may still be off by {truth.apart:.1e} {unit}"
+            if not math.isfinite(truth.apart):
+                why = f"runs with {truth.name}, or the rungs below it, do not reach the end"
+            return self.planned(nearest, truth.apart, False, why)
         if not rounding <= _FOR_ROUNDING * self.tolerance:
             return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
-        ways = []
+        ways, tried = [], []
         for rung in self.rungs(truth):
-            known = _apart(rung.value, truth.value) + apart
-            if known > _FOR_MODEL * self.tolerance:
-                continue
-            ways += [(way, known) for way in self.ways(rung, known, rounding, growth)]
-            if ways and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
-                break  # none is cheaper than a rigid rod, and more shapes cost more
+            known = apart(rung.value, truth.value) + truth.apart
+            tried.append((known, rung))
+            if known <= _FOR_MODEL * self.tolerance:
+                ways += [(way, known) for way in self.ways(rung, known, rounding, growth)]
+                if ways and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
+                    break  # none is cheaper than a rigid rod, and more shapes cost more
+            elif rung.basis.n >= _SHAPES[2] and self.hopeless(rung, known):
+                break
         if not ways:
-            return self.planned(nearest, apart, False, "no number of steps was found that reaches it")
+            known, rung = min(tried, key=lambda found: found[0])
+            why = "no number of steps was found that reaches it"
+            if known > _FOR_MODEL * self.tolerance:
+                why = f"{named(rung.basis)} is {known:.1e} {unit} from {truth.name}, too far for {_SHAPES[-1]} to mend"
+            return self.planned(nearest._replace(rung=rung), known, False, why)
         way, known = min(ways, key=lambda found: found[0].cost)
-        why = f"{known:.1e} {unit} from {named(truth.basis)}, with which those below it agree".replace("  ", " ")
+        why = f"{known:.1e} {unit} from {truth.name}{truth.why}".replace("  ", " ")
         return self.planned(way, known + way.off + rounding, True, why)
 
-    def truth(self) -> tuple[_Rung, float]:
-        """The first rung with the answer of those below it, and how far it may be from the truth."""
+    def truth(self) -> _Truth:
+        """The exact rod's answer, or that of the first rung with the answer of those below it."""
         if isinstance(self.system.rod, Lumped):
-            return self.rung(self.system.basis), 0.0
+            rung = self.rung(self.system.basis)
+            return _Truth(rung.value, 0.0, named(rung.basis), ", the only rung of a Lumped body", rung)
+        exact, wanted = None, _AGREED * self.tolerance
+        if comparable(self.quantity):
+            exact = exact_answer(self.system, self.start, self.quantity, self.t0, self.ts, self.static, wanted)
+        if exact is not None and exact.apart <= _FOR_MODEL * self.tolerance:
+            return _Truth(exact.value, exact.apart, "the exact rod", "", self.rung(self.family(_SHAPES[2])))
         below: list[_Rung] = []
         left = [math.inf]
         for n in _SHAPES[2:]:
             rung = self.rung(self.family(n))
             # What more shapes would still change, by two pairs: either may agree by chance.
-            left = [_apart(rung.value, x.value) / ((n / x.basis.n) ** self.power - 1) for x in below[-2:]]
+            left = [apart(rung.value, x.value) / ((n / x.basis.n) ** self.power - 1) for x in below[-2:]]
             below.append(rung)
-            if len(left) > 1 and max(left) <= _AGREED * self.tolerance:
+            if len(left) > 1 and max(left) <= wanted:
                 break
-        return below[-1], max(left)
+        return _Truth(
+            below[-1].value, max(left), named(below[-1].basis), ", with which those below it agree", below[-1]
+        )
 
-    def rounding(self, truth: _Rung) -> tuple[float, float]:
+    def rounding(self, rung: _Rung) -> tuple[float, float]:
         """By how many times what each number is rounded by the answer moves, and by how much in float64, or by finer steps if
         that is more; inf beyond the horizon."""
         nudge = NUDGE["float64"]
-        finest = self.simulated(truth.system, truth.start, tolerance=_FINEST)
-        aside = self.simulated(truth.system, nudged(truth.start, nudge), tolerance=_FINE)
-        if bool(part(truth.fine, finest) | part(truth.fine, aside)):
+        finest = self.simulated(rung.system, rung.start, tolerance=_FINEST)
+        aside = self.simulated(rung.system, nudged(rung.start, nudge), tolerance=_FINE)
+        if bool(part(rung.fine, finest) | part(rung.fine, aside)):
             return math.inf, math.inf
-        moved = _apart(self.asked(aside), truth.value) / nudge + float(np.max(np.abs(truth.value)))
-        growth = math.sqrt(1 + truth.fine_steps) * moved
-        return growth, max(growth * float(np.finfo(np.float64).eps), _apart(self.asked(finest), truth.value))
+        moved = apart(self.asked(aside), rung.value) / nudge + float(np.max(np.abs(rung.value)))
+        growth = math.sqrt(1 + rung.fine_steps) * moved
+        return growth, max(growth * float(np.finfo(np.float64).eps), apart(self.asked(finest), rung.value))
 
-    def rungs(self, truth: _Rung) -> Iterator[_Rung]:
+    def rungs(self, truth: _Truth) -> Iterator[_Rung]:
         """Those with a chance, the cheapest first."""
         if isinstance(self.system.rod, Lumped):
-            yield truth
+            yield truth.rung
             return
         free = not isinstance(self.system.motion, Driven)  # driven, a rigid or condensed rod has nothing to move
         rigid, following = self.closed_forms()
@@ -197,7 +227,7 @@ class _Search:
         if free and following <= _HOPELESS * self.tolerance:
             yield self.rung(QuasiStatic(LoadRitz(2)))
         yield from map(self.rung, (Ritz(1), ForceRitz(1)))
-        yield from (self.rung(self.family(n)) for n in _SHAPES if n <= truth.basis.n)
+        yield from (self.rung(self.family(n)) for n in _SHAPES)
 
     def closed_forms(self) -> tuple[float, float]:
         """Errors to be expected of a rigid rod and of a strain that follows its loads; zero where no closed form says."""
@@ -212,6 +242,10 @@ class _Search:
         angle = turning * float(self.ts[-1] - self.t0)
         arm = float(system.rod.length) if isinstance(self.quantity, FinalTip) else 1.0
         return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)
+
+    def hopeless(self, rung: _Rung, known: float) -> bool:
+        """Whether the most shapes would be too few, as far as this rung tells."""
+        return not self.static and known * (rung.basis.n / _SHAPES[-1]) ** self.steepest > self.tolerance
 
     def rung(self, basis: AbstractBasis) -> _Rung:
         if named(basis) not in self.tried:
@@ -265,7 +299,7 @@ class _Search:
             setting = max(steps**-order, LEAST_TOLERANCE[dtype])
             value, taken = self.run(system, start, tolerance=setting)
         return _Way(
-            rung, solver, dtype, int(taken), setting, _apart(value, rung.value), cost.seconds(system, solver, taken)
+            rung, solver, dtype, int(taken), setting, apart(value, rung.value), cost.seconds(system, solver, taken)
         )
 
     def run(self, system: System, start: State, **how) -> tuple[np.ndarray, float]:
@@ -301,8 +335,3 @@ class _Search:
             unit=self.quantity.unit,
             why=why,
         )
-
-
-def _apart(a: Any, b: Any) -> float:
-    """The largest difference; inf where there is none to be seen."""
-    return float(np.nan_to_num(np.max(np.abs(np.asarray(a) - np.asarray(b))), nan=np.inf))

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from . import arguments, continuum
+from . import arguments
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .choice import in_type, named
 from .defaults import by_equal_steps, solvers
@@ -20,6 +20,7 @@ from .ladder import brought
 from .load_basis import LoadRitz
 from .motion import Driven, State
 from .quantity import as_quantity
+from .reference import exact_answer
 from .rod import Lumped
 from .simulation import simulate
 from .system import System
@@ -31,8 +32,7 @@ _FRACTIONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)  # of the steps of the default
 _TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)  # of a step, of the adaptive solver
 _BEST = LoadRitz(9)  # in place of the exact rod where that would take too long
 _FINE = 1e-11  # tolerance of a rung's own answer
-_MOST_STEPS = 1e5  # of the exact rod
-_MODES = 64
+_MODES = 64  # of the exact rod
 _REPEATS = 3
 
 
@@ -202,18 +202,9 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
 
 def _reference(system, start, quantity, t0, ts, static: bool):
     """The answer, how far a poorer reference is from it, and its name."""
-    first = 2 * np.pi * float(continuum.natural_frequencies(system, 1)[0])
-    if _MODES * first * float(ts[-1] - t0) < _MOST_STEPS:
-        try:
-            exact, poorer = (
-                continuum.simulate(system, start, ts=ts, t0=t0, static=static, modes=modes, error=False)
-                for modes in (_MODES, _MODES // 2)
-            )
-        except ValueError:  # a force that it does not take
-            pass
-        else:
-            true, other = quantity(exact), quantity(poorer)
-            return true, float(jnp.max(jnp.abs(true - other))), "the exact rod"
+    exact = exact_answer(system, start, quantity, t0, ts, static, wanted=0.0, most=_MODES)
+    if exact is not None and exact.complete:
+        return exact.value, exact.apart, "the exact rod"
     best, poorer = (
         quantity(simulate(*brought(system, start, basis, static), t0=t0, ts=ts, tolerance=_FINE))
         for basis in (_BEST, LoadRitz(_BEST.n - 3))

@@ -1,0 +1,68 @@
+"""What the exact rod says of a quantity, and how well it knows."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from . import continuum
+from .motion import State
+from .quantity import AbstractQuantity, Measured
+from .rod import Rod
+from .system import System
+
+_MODES = (8, 16, 32, 64, 128, 256)
+_MOST_STEPS = 2e5  # radians of the highest mode in a run: some seconds
+
+
+class Answer(NamedTuple):
+    """The `value` of a quantity, by how much half as many modes change it, `apart`, and whether there was time for the `most`."""
+
+    value: np.ndarray
+    apart: float
+    complete: bool
+
+
+def exact_answer(
+    system: System, start: State, quantity: AbstractQuantity, t0: float, ts: Any, static: bool, wanted: float, most: int = 256
+) -> Answer | None:  # fmt: skip
+    """By twice the modes again and again, to `most`, until that changes no more than is `wanted`.
+
+    **Returns:** the best there is time for, or None where that is none: a scene or a function that the exact rod does not take,
+    a run that fails, too many periods.
+    """
+    if not isinstance(system.rod, Rod):
+        return None
+    known = quantity.exact(system)
+    if known is not None:
+        return Answer(np.asarray(known, float), 0.0, True)
+    radians = 2 * np.pi * float(continuum.natural_frequencies(system, 1)[0] * (ts[-1] - t0))
+    before, answer = None, None
+    for modes in _MODES:
+        if modes > most or modes * radians > _MOST_STEPS:
+            break
+        try:
+            run = continuum.simulate(system, start, ts=ts, t0=t0, static=static, modes=modes, error=False)
+        except ValueError:  # forces that it does not take, no static strain
+            return None
+        if not bool(run.ok):
+            return None
+        try:
+            value = np.asarray(quantity(run), float)
+        except AttributeError:  # a function of what the exact rod has not
+            return None
+        if before is not None:
+            answer = Answer(value, apart(value, before), modes == most)
+            if answer.apart <= wanted:
+                break
+        before = value
+    return answer
+
+
+def comparable(quantity: AbstractQuantity) -> bool:
+    """Whether the quantity is one of motion, which the exact rod has too: functions of one's own may read what it has not."""
+    return not isinstance(quantity, Measured)
+
+
+def apart(a: Any, b: Any) -> float:
+    """The largest difference; inf where there is none to be seen."""
+    return float(np.nan_to_num(np.max(np.abs(np.asarray(a) - np.asarray(b))), nan=np.inf))
