@@ -197,7 +197,7 @@ class _Search:
             # What more shapes would still change, by two pairs: either may agree by chance.
             left = [apart(rung.value, x.value) / ((n / x.basis.n) ** self.power - 1) for x in below[-2:]]
             below.append(rung)
-            if len(left) > 1 and max(left) <= wanted:
+            if len(left) > 1 and (max(left) <= wanted or all(np.isnan(x.value).any() for x in below)):
                 break
         return _Truth(
             below[-1].value, max(left), named(below[-1].basis), ", with which those below it agree", below[-1]

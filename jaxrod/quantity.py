@@ -41,13 +41,14 @@ class AbstractQuantity(eqx.Module):
 
 
 class FirstFrequency(AbstractQuantity):
-    """The first axial natural frequency in Hz: of the scene, whatever moves."""
+    """The first axial natural frequency in Hz: of the scene, whatever moves; inf of a rigid rod."""
 
     name: ClassVar[str] = "first frequency"
     unit: ClassVar[str] = "Hz"
 
     def __call__(self, solution):
-        return natural_frequencies(solution.system)[0]
+        frequencies = natural_frequencies(solution.system)
+        return frequencies[0] if frequencies.size else jnp.asarray(jnp.inf, frequencies.dtype)
 
     def exact(self, system):
         return continuum.natural_frequencies(system, 1)[0] if isinstance(system.rod, Rod) else None

@@ -150,6 +150,7 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
     assert lowered == dataclasses.replace(system, basis=lowered.basis)
 
 
+@pytest.mark.slow
 def test_the_largest_of_a_run_is_looked_for(cone):
     """Given its end alone, a run is looked at where the quantity wants it; and several may be asked for at once."""
     system, start = _scene(cone, jaxrod.Ritz(3))
@@ -181,6 +182,7 @@ def test_whole_numbers_are_a_quantity(cone):
     assert budget.value == 0.0 and budget.bound < 1e-9
 
 
+@pytest.mark.slow
 def test_a_tip_force_is_held_by_the_richer_rungs(cone):
     """Shapes that loads make have no tension at a free tip: against them a steady pull would have too wide a bound."""
     system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.ForceRitz(3), forces=[jaxrod.TipForce(50.0)])

@@ -53,9 +53,9 @@ def _push(t, state):
     "scene",
     [
         {"motion": jaxrod.Spherical(), "azimuth_rate": 4.0},
-        {"motion": jaxrod.Flight(), "rate": 3.0},
-        {"motion": jaxrod.Rotation(0.3)},
-        {"forces": [jaxrod.TipForce(_push)]},
+        pytest.param({"motion": jaxrod.Flight(), "rate": 3.0}, marks=pytest.mark.slow),
+        pytest.param({"motion": jaxrod.Rotation(0.3)}, marks=pytest.mark.slow),
+        pytest.param({"forces": [jaxrod.TipForce(_push)]}, marks=pytest.mark.slow),
         {"gravity": None},
     ],
     ids=["spherical", "flight", "pivot", "loaded", "weightless"],

@@ -33,6 +33,13 @@ def test_closed_form(cone):
     assert found.apart == 0.0
 
 
+def test_a_plan_for_a_frequency(cone):
+    """A rigid rod has none, uniform strain is 19 % off, two shapes are enough for a tenth of a Hz."""
+    system = jaxrod.System(cone, jaxrod.Rotation())
+    found = jaxrod.plan(system, system.state(rate=10.0), t1=0.1, tolerance=0.1, quantity=jaxrod.FirstFrequency())
+    assert found.met and found.basis.n == 2 and "the exact rod" in found.why
+
+
 def test_what_it_does_not_take(cone):
     """Friction, a body without a rod, functions of what it has not, and times beyond reach."""
     system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
