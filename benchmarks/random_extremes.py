@@ -11,8 +11,8 @@ A scene is *silently wrong* if it ends ok and yet its tip is off by more than th
 largest distance from the pivot, at least the length; float32 1e-4, and 6e-7 for each radian turned), or its energy or
 angular momentum by more than ten times that. Where two runs apart by 1e-12, in float32 by the rounding of their steps
 (1.2e-7 times the root of the number of their stages), differ by more than the promise no solver can keep it: the scene is
-*beyond its horizon*, and counted apart; it is measured on a run whose start, gravity and modulus are moved. Nor is that
-judged for which half the step in float64 takes too many steps: *unjudged*. Writes the part "random" of docs/extremes.md.
+*beyond its horizon*, and counted apart; it is measured on runs whose places, rates, and gravity and modulus are moved. Nor is
+that judged for which half the step in float64 takes too many steps: *unjudged*. Writes the part "random" of docs/extremes.md.
 """
 
 import argparse
@@ -165,18 +165,21 @@ def yardstick(kind: Kind, p: dict) -> tuple[dict, dict]:
 
 
 def growth(kind: Kind, p: dict, known: dict) -> jax.Array:
-    """How much further apart two runs get than they were set."""
+    """How much further apart two runs get than they were set: by places, by rates, or by what the scene is made of."""
     system, start, ts = scene(kind, p)
     of: Any = system
-    # What rounding does everywhere, done once: the start moved, and gravity and modulus with it.
-    shifted = start
-    for part in ("direction", "amplitudes", "amplitude_rates", "direction_rate"):
-        unit = ts[-1] / p["periods"] / (2 * jnp.pi) if "rate" in part else 1.0
-        shifted = _moved(shifted, part, SHIFT / unit)
+    unit = ts[-1] / p["periods"] / (2 * jnp.pi)
+    places = _moved(_moved(start, "direction", SHIFT), "amplitudes", SHIFT)
+    rates = _moved(_moved(start, "direction_rate", SHIFT / unit), "amplitude_rates", SHIFT / unit)
+    faster = dataclasses.replace(start, direction_rate=(1 + SHIFT) * start.direction_rate)
     rod = dataclasses.replace(of.rod, young=of.rod.young * (1 + SHIFT))
     other = dataclasses.replace(system, rod=rod, gravity=of.gravity * (1 - SHIFT))
-    shifted = jaxrod.simulate(other, shifted, ts=ts, n_steps=jnp.maximum(known["steps"], 1), max_steps=LONGEST)
-    return jnp.max(jnp.linalg.norm(_place(shifted) - known["place"], axis=-1)) / known["size"] / SHIFT
+    steps, furthest = jnp.maximum(known["steps"], 1), []
+    # One by one: moved together, they may undo each other.
+    for scene_, shifted in ((system, places), (system, rates), (other, faster)):
+        run = jaxrod.simulate(scene_, shifted, ts=ts, n_steps=steps, max_steps=LONGEST)
+        furthest.append(jnp.max(jnp.linalg.norm(_place(run) - known["place"], axis=-1)))
+    return jnp.max(jnp.stack(furthest)) / known["size"] / SHIFT
 
 
 def single(kind: Kind, p: dict, known: dict) -> dict:

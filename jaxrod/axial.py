@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import energy
+from . import checks, energy
 from .chart import Strains
 from .equations import Moving, Scene
 from .lanes import Numbers, by_number, gathered, scattered
@@ -50,21 +50,23 @@ class AxialModes(eqx.Module):
     inverse: Float[Array, "n n"]
 
     def __init__(self, body: Projection):
-        body = per_inertia(body)
+        dtype = body.mass_matrix.dtype
+        # In the widest type there is: of the fastest modes float32 would lose (omega_k / omega_1)^2 times its rounding.
+        body = per_inertia(checks.in_type(jnp.result_type(float), body))
         n = body.stiffness_matrix.shape[0]
         mixed = body.mass_matrix[1:, 0]
         if n == 0:
-            squares, self.shapes = jnp.zeros_like(mixed), body.stiffness_matrix
+            squares, shapes = jnp.zeros_like(mixed), body.stiffness_matrix
         else:
             # By compliances, 1 / omega^2: rounding is small beside the largest, which are those of the slowest modes.
             compliances, shapes = eigh(body.strain_mass, body.stiffness_matrix)
-            squares, self.shapes = 1 / compliances[::-1], (shapes / jnp.sqrt(compliances)[None, :])[:, ::-1]
-        self.rates = jnp.sqrt(squares)
-        self.periods = 1 / self.rates
-        self.inverse = self.shapes.T @ body.strain_mass
-        self.arms = self.shapes.T @ mixed
-        self.rest = 1 - self.arms @ self.arms
-        self.moments = jnp.concatenate([body.first_moments[:1], self.shapes.T @ body.first_moments[1:]])
+            squares, shapes = 1 / compliances[::-1], (shapes / jnp.sqrt(compliances)[None, :])[:, ::-1]
+        rates, inverse, arms = jnp.sqrt(squares), shapes.T @ body.strain_mass, shapes.T @ mixed
+        moments = jnp.concatenate([body.first_moments[:1], shapes.T @ body.first_moments[1:]])
+        found = (rates, 1 / rates, arms, 1 - arms @ arms, moments, shapes, inverse)
+        self.rates, self.periods, self.arms, self.rest, self.moments, self.shapes, self.inverse = checks.in_type(
+            dtype, found
+        )
 
     def inertia(self, eta):
         """Moment of inertia of the stretched rod."""

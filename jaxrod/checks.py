@@ -138,6 +138,11 @@ def float_type(*trees: Any) -> jnp.dtype:
     return jnp.result_type(float, *leaves)
 
 
+def in_type(dtype: Any, tree: Any) -> Any:
+    """The tree with its floats in a type."""
+    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
+
+
 def shown(value: Any) -> str:
     """A value as it is written in an error message."""
     array = np.asarray(value)

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from .basis import AbstractBasis, QuasiStatic
+from .checks import in_type
 from .equations import eigenvalues
 from .ladder import brought
 from .motion import State
@@ -75,11 +76,6 @@ def axial_rate(system: System, start: State):
     turning = jnp.sqrt(start.direction_rate @ start.direction_rate)
     weight = 0.0 if system.gravity is None else jnp.sqrt(jnp.sum(system.gravity**2))
     return turning + jnp.sqrt(weight / system.rod.length)
-
-
-def in_type(dtype: Any, tree: Any) -> Any:
-    """The tree with its floats in a type."""
-    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
 
 
 def named(basis: AbstractBasis) -> str:

@@ -22,7 +22,8 @@ import numpy as np
 from . import arguments, checks, continuum, cost
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .budget import NUDGE, nudged, part
-from .choice import Plan, axial_rate, in_type, named
+from .checks import in_type
+from .choice import Plan, axial_rate, named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, richer
 from .load_basis import LoadRitz

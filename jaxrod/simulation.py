@@ -20,7 +20,8 @@ from jaxtyping import Array
 from . import arguments, checks
 from .budget import budget_of
 from .chart import AbstractChart
-from .choice import Plan, in_type
+from .checks import in_type
+from .choice import Plan
 from .defaults import best_solver, by_equal_steps, default_chart
 from .integration import integrate
 from .lagrangian import Lagrangian, Phase

@@ -5,6 +5,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .equations import eigenvalues
@@ -30,6 +31,11 @@ _LOOKS = 65  # times at which a prescribed rate is looked at
 _HARD = 0.05  # strain ahead above which steps of more than one strain shape are looked at twice
 _HOPELESS = {"float64": 1e3, "float32": 2.0}  # strain ahead above which the default's steps are not trusted
 _UNRESOLVED = {"float64": 15.0, "float32": 2.0}  # difference from half the steps, in tolerances, that is too large
+_RESONANT = {
+    "float64": 3.0,
+    "float32": 1.0,
+}  # the same of driven rods, whose steps may be in resonance with their modes
+_SEEN = 8  # save times at which that is looked at
 _EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}  # rounding, of the length, for each radian that the rod turned
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 0.3  # energy lost, in tolerances, above which steps were too long
@@ -49,7 +55,7 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = 2 * turning if system.basis.n == 0 else turning + axial
-        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.5 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
+        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.7 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
@@ -112,7 +118,7 @@ def step_through(
     if n_steps is None:  # steps counted from the start do not see how fast the rod turns when pressed together later
         code = Result.where((code == Result.ok) & (last.lowest < _PRESSED), Result.coarse, code)
     if n_steps is None:
-        trusted = _trusted(system, start, solver, split, t0, ts, tolerance, jnp.sum(taken), states)
+        trusted = _trusted(system, start, solver, split, t0, ts, tolerance, taken, states)
         code = Result.where((code == Result.ok) & ~trusted, Result.coarse, code)
     # By a product: what was not reached has no derivative, and zero would be taken for one.
     known = jnp.where(reached, 1.0, jnp.nan).astype(t0.dtype)
@@ -137,7 +143,7 @@ def step_through(
     )
 
 
-def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, steps, states: State) -> Bool[Array, ""]:
+def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, taken, states: State) -> Bool[Array, ""]:
     """Whether steps that were counted from the start were short enough for what came.
 
     Half as many are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it,
@@ -151,11 +157,12 @@ def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, ste
     always = not closed or name == "float32"
     if not always and system.basis.n < 2:
         return trusted
-    looked = steps if always else steps * (ahead > _HARD)
-    off = _off_by_half(system, solver, split, start, t0, ts[-1], looked, states)
+    looked = jnp.asarray(always) | (ahead > _HARD)
+    off = _off_by_half(system, solver, split, start, t0, ts, taken * looked, states)
     turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
-    bound = _UNRESOLVED[name] * (tolerance + _EACH_RADIAN[name] * turned)
-    return trusted & ((off <= bound) | (looked == 0))
+    unresolved = _RESONANT[name] if isinstance(system.motion, Driven) else _UNRESOLVED[name]
+    bound = unresolved * (tolerance + _EACH_RADIAN[name] * turned)
+    return trusted & ((off <= bound) | ~looked)
 
 
 def _condition(system: System) -> Float[Array, ""]:
@@ -166,18 +173,23 @@ def _condition(system: System) -> Float[Array, ""]:
     return spread[-1] / jnp.maximum(spread[0], jnp.finfo(mass.dtype).eps)
 
 
-def _off_by_half(system: System, solver, split, start: State, t0, t1, steps, states: State) -> Float[Array, ""]:
-    """By how much the tip ends elsewhere after half of `steps`, over the furthest it was out, at least the length."""
-    half = ((steps + 1) // 2)[None]
-    twice = march(solver, split, split.encode(start), start.turns, Route(t0, t1[None], half, half, True), False)
+def _off_by_half(system: System, solver, split, start: State, t0, ts, steps, states: State) -> Float[Array, ""]:
+    """By how much the tip is elsewhere with half of `steps` (T,), over the furthest it was out, at least the length.
+
+    At some of the save times: at the end alone two errors that oscillate may meet.
+    """
+    seen = np.unique(np.linspace(0, ts.size - 1, _SEEN).astype(int))[-min(_SEEN, ts.size) :]
+    half = (jnp.diff(_summed(steps)[seen], prepend=0) + 1) // 2
+    route = Route(t0, ts[seen], half, half, ts.size == 1)
+    twice = march(solver, split, split.encode(start), start.turns, route, False)
 
     def tip(state: State) -> Float[Array, " D"]:  # in flight from the centre of mass
         return system.body.reach(state.amplitudes) * state.direction
 
     here = jax.vmap(tip)(states)
-    there = tip(split.decode(t1, *jax.tree.map(lambda x: x[0], (twice.y, twice.turns))))
+    there = jax.vmap(tip)(jax.vmap(split.decode)(ts[seen], twice.y, twice.turns))
     size = jnp.maximum(jnp.max(jnp.linalg.norm(here, axis=-1)), system.rod.length)
-    return jax.lax.stop_gradient(jnp.linalg.norm(here[-1] - there) / size)
+    return jax.lax.stop_gradient(jnp.max(jnp.linalg.norm(here[seen] - there, axis=-1)) / size)
 
 
 def _stepped(system: System, start: State, t0, solver: Any) -> AbstractStepped:

@@ -363,7 +363,9 @@ class System(eqx.Module):
 
 @eqx.filter_jit  # asked for in many places of a program, it is traced once for all of them
 def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Projection:
-    return basis.project(rod, pivot, free)
+    # In the widest type there is: the shapes of a strong taper nearly cancel, and float32 has no digits to spare.
+    wide_rod, wide_pivot = checks.in_type(jnp.result_type(float), (rod, pivot))
+    return checks.in_type(checks.float_type(rod, pivot), basis.project(wide_rod, wide_pivot, free))
 
 
 _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}

@@ -14,7 +14,8 @@ from tqdm import tqdm
 
 from . import arguments
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
-from .choice import in_type, named
+from .checks import in_type
+from .choice import named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought
 from .load_basis import LoadRitz
