@@ -31,10 +31,7 @@ _LOOKS = 65  # times at which a prescribed rate is looked at
 _HARD = 0.05  # strain ahead above which steps of more than one strain shape are looked at twice
 _HOPELESS = {"float64": 1e3, "float32": 2.0}  # strain ahead above which the default's steps are not trusted
 _UNRESOLVED = {"float64": 10.0, "float32": 2.0}  # difference from half the steps, in tolerances, that is too large
-_RESONANT = {
-    "float64": 3.0,
-    "float32": 1.0,
-}  # the same of driven rods, whose steps may be in resonance with their modes
+_RESONANT = {"float64": 3.0, "float32": 1.0}  # the same of driven rods: steps may be in resonance with their modes
 _SEEN = 8  # save times at which that is looked at
 _EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}  # rounding, of the length, for each radian that the rod turned
 _MOST = 2**30 - 1  # steps that are counted

@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 
 import jaxrod
 from jaxrod import Result
+from jaxrod.axial import AxialModes
 
 GRAVITY = 9.81
 TIMES = jnp.linspace(0.0, 1.0, 41)  # always as many: runs of one structure and one shape are compiled once
@@ -451,3 +452,37 @@ def test_what_energy_does_not_tell():
     np.testing.assert_array_equal(found["result"] == Result.coarse, [True, False])
     np.testing.assert_array_equal(found["result"] == Result.ok, [False, True])
     assert found["kept"][0] < 1e-10 and found["error"][0] > 1e-8 > found["error"][1]
+
+
+def test_steps_in_resonance():
+    """A driven taper of three shapes, ten promises off: half as many steps are no further off, and yet it is not believed."""
+    numbers = {
+        "young": 3.31627e6, "length": 40459.6, "stiffness_over_weight": jnp.inf, "slenderness": 21.4037, "root": 1.0,
+        "tip": 12.2717, "tip_mass": 264.904, "spin": -0.414316, "strain": 0.241473, "strain_rate": 0.0, "periods": 2.84206,
+    }  # fmt: skip
+    kind, p = random_extremes.Kind("Driven", 3), {name: jnp.asarray(x) for name, x in numbers.items()}
+    system, start, ts = random_extremes.scene(kind, p)
+    ends = jax.jit(lambda start: jaxrod.simulate(system, start, ts=ts))(start)
+    finer = jaxrod.simulate(system, start, ts=ts, n_steps=2000)
+    off = jnp.linalg.norm(random_extremes._place(ends) - random_extremes._place(finer), axis=-1)
+    assert jnp.max(off) > 5e-8
+    assert ends.result == Result.coarse
+
+
+def test_float32_frequencies_are_right_to_rounding(cone):
+    """Of the fastest of five shapes of a strong taper as of the slowest."""
+    taper = dataclasses.replace(cone, section=jaxrod.Cone(0.003, 0.03))
+    system = jaxrod.System(taper, jaxrod.Rotation(), jaxrod.Ritz(5))
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), system)
+    narrow, wide = AxialModes(single.body).rates, AxialModes(system.body).rates
+    assert narrow.dtype == jnp.float32 and wide[-1] > 30 * wide[0]
+    np.testing.assert_allclose(narrow, wide, rtol=3e-6)
+
+
+def test_books_of_a_large_rod_in_float32(cone):
+    """Of 1,000 km the squares of momenta are beyond float32, the ledger is not."""
+    large = dataclasses.replace(cone, length=jnp.asarray(9e5), section=jaxrod.Cone(9e3, 2e4), young=jnp.asarray(2e11))
+    system = jaxrod.System(large, jaxrod.Spherical())
+    system, start = jax.tree.map(lambda x: x.astype(jnp.float32), (system, system.state(rate=1e-3, azimuth_rate=1e-3)))
+    book = jaxrod.simulate(system, start, t1=jnp.float32(1e3)).ledger
+    assert book.angular_momentum < 1e-5 and book.energy < 1e-5
