@@ -23,6 +23,7 @@ from .unrolled import Unrolled, Whole
 
 LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}  # that a type reaches
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
+_FINEST_RESONANT = 0.24  # the same of driven rods of several shapes, whose steps may be in resonance with their modes
 _FINEST_SMALL_KICKS = 0.11  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
@@ -31,7 +32,7 @@ _LOOKS = 65  # times at which a prescribed rate is looked at
 _HARD = 0.05  # strain ahead above which steps of more than one strain shape are looked at twice
 _HOPELESS = {"float64": 1e3, "float32": 2.0}  # strain ahead above which the default's steps are not trusted
 _UNRESOLVED = {"float64": 10.0, "float32": 2.0}  # difference from half the steps, in tolerances, that is too large
-_RESONANT = {"float64": 3.0, "float32": 1.0}  # the same of driven rods: steps may be in resonance with their modes
+_RESONANT = {"float64": 3.0, "float32": 1.0}  # the same of driven rods
 _SEEN = 8  # save times at which that is looked at
 _EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}  # rounding, of the length, for each radian that the rod turned
 _MOST = 2**30 - 1  # steps that are counted
@@ -52,7 +53,8 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = 2 * turning if system.basis.n == 0 else turning + axial
-        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.7 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
+        finest = _FINEST_RESONANT if isinstance(system.motion, Driven) and system.basis.n > 1 else _FINEST
+        step = jnp.minimum(finest * finer, _LONGEST_PHASE) / (1 + 0.7 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
