@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from matplotlib import colormaps
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator
 
 from .choice import named
 from .solution import Solution
@@ -95,6 +96,7 @@ def tradeoff(found: Tradeoff, title: str = "") -> Figure:
         axis.text(0.99, found.own_error, known, transform=left, ha="right", va="bottom", fontsize=7, color=_GREY)
     axis.set(xscale="log", yscale="log", xlabel="computing time, s for each simulated second", title=title)
     axis.set_ylabel(f"error of the {found.quantity}, {found.unit}".rstrip(", "))
+    axis.xaxis.set_minor_locator(LogLocator(subs=(2, 5)))  # labels of more lie one on the other
     axis.grid(alpha=0.25)
     axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5), fontsize=8, title="rung")
     return figure
