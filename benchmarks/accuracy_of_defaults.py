@@ -83,7 +83,7 @@ def main() -> None:
         f"Written by `python benchmarks/accuracy_of_defaults.py` on {datetime.date.today()}: relative error of the tip's "
         f"position within {arguments.periods} axial periods, at 20 times. In float64 the promise is a ratio below 1. "
         "In float32 the rounding of the turning itself comes on top: about 6e-7 for each radian turned, "
-        "and up to twice that after a hundred turns, as the rounding of the energy is a random walk.\n\n"
+        "and up to five times that after a hundred turns, as the rounding of the energy is a random walk.\n\n"
         + "\n".join(lines)
     )
     arguments.out.mkdir(parents=True, exist_ok=True)
