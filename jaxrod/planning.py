@@ -43,6 +43,7 @@ _STEEPEST = (
     4.6,
 )  # powers of 1 / shapes, with a jump and without, by which errors of 4 shapes fell at the most to 24
 _FOR_MODEL, _FOR_ROUNDING = 0.9, 0.1  # shares of the tolerance
+_ROOMY = 0.4  # of the tolerance: a rung that takes more may be dearer by its steps than the next
 _FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
 _FINE, _FINEST = 1e-11, 1e-12  # tolerance of the runs that a rung is judged by, and of one that judges these
@@ -167,7 +168,8 @@ class _Search:
             tried.append((known, rung))
             if known <= _FOR_MODEL * self.tolerance:
                 ways += [(way, known) for way in self.ways(rung, known, rounding, growth)]
-                if ways and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
+                roomy = known <= _ROOMY * self.tolerance  # else more shapes may leave more to the steps
+                if ways and roomy and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
                     break  # none is cheaper than a rigid rod, and more shapes cost more
             elif rung.basis.n >= _SHAPES[2] and self.hopeless(rung, known):
                 break
