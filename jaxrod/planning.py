@@ -156,9 +156,9 @@ class _Search:
         if math.isinf(growth) and math.isfinite(truth.apart):
             return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
         if not truth.apart <= _FOR_MODEL * self.tolerance:
-            why = f"{truth.name} may still be off by {truth.apart:.1e} {unit}"
+            why = f"the answer of {truth.name} is known to {truth.apart:.1e} {unit} at best"
             if not math.isfinite(truth.apart):
-                why = f"runs with {truth.name}, or the rungs below it, do not reach the end"
+                why = f"{truth.name} does not reach the end, or a rung below it"
             return self.planned(nearest, truth.apart, False, why)
         if not rounding <= _FOR_ROUNDING * self.tolerance:
             return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
@@ -191,7 +191,9 @@ class _Search:
         exact, wanted = None, _AGREED * self.tolerance
         if comparable(self.quantity):
             exact = exact_answer(self.system, self.start, self.quantity, self.t0, self.ts, self.static, wanted)
-        if exact is not None and exact.apart <= _FOR_MODEL * self.tolerance:
+        # Rungs know better only where there was no time for more modes.
+        known = exact is not None and exact.apart <= _FOR_MODEL * self.tolerance
+        if exact is not None and (known or exact.complete or math.isinf(exact.apart)):
             return _Truth(exact.value, exact.apart, "the exact rod", "", self.rung(self.family(_SHAPES[2])))
         below: list[_Rung] = []
         left = [math.inf]
@@ -200,7 +202,7 @@ class _Search:
             # What more shapes would still change, by two pairs: either may agree by chance.
             left = [apart(rung.value, x.value) / ((n / x.basis.n) ** self.power - 1) for x in below[-2:]]
             below.append(rung)
-            if len(left) > 1 and (max(left) <= wanted or all(np.isnan(x.value).any() for x in below)):
+            if len(left) > 1 and (max(left) <= wanted or all(np.isnan(x.value).any() for x in below[-2:])):
                 break
         return _Truth(
             below[-1].value, max(left), named(below[-1].basis), ", with which those below it agree", below[-1]

@@ -28,7 +28,7 @@ def exact_answer(
     """By twice the modes again and again, to `most`, until that changes no more than is `wanted`.
 
     **Returns:** the best there is time for, or None where that is none: a scene or a function that the exact rod does not take,
-    a run that fails, too many periods.
+    too many periods.  Where it does not reach its end the value is NaN, and `apart` inf.
     """
     if not isinstance(system.rod, Rod):
         return None
@@ -45,7 +45,7 @@ def exact_answer(
         except ValueError:  # forces that it does not take, no static strain
             return None
         if not bool(run.ok):
-            return None
+            return Answer(np.asarray(np.nan), np.inf, False)
         try:
             value = np.asarray(quantity(run), float)
         except AttributeError:  # a function of what the exact rod has not
