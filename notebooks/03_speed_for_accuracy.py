@@ -119,7 +119,7 @@ plt.show()
 # ## When not to ask
 #
 # Stretch a uniform rod evenly and let it go: its tip follows a triangle wave, and a kink runs up and down it. No few smooth
-# shapes hold a kink, and `plan` says so instead of promising.
+# shapes hold a kink, nor 256 modes, and `plan` says so instead of promising.
 
 # %%
 uniform = jaxrod.System(
@@ -128,8 +128,8 @@ uniform = jaxrod.System(
 print(jaxrod.plan(uniform, uniform.state(strain=0.02), t1=0.03, tolerance=1e-7))
 
 # %% [markdown]
-# And where two starts part for good, no digits help. A rod so soft that its swing and its strain are in resonance (with more
-# shapes than one it is pressed through itself before the end, which is what `plan` says):
+# And where two starts part for good, no digits help. A rod so soft that its swing and its strain are in resonance, where runs
+# with more and more modes lead elsewhere each time (which is what `plan` says):
 
 # %%
 soft = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), young=17658.0, density=1200.0)
