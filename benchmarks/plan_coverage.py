@@ -36,6 +36,7 @@ from jaxrod import cost  # noqa: E402
 from jaxrod.checks import in_type  # noqa: E402
 from jaxrod.defaults import solvers  # noqa: E402
 from jaxrod.ladder import on_rung  # noqa: E402
+from jaxrod.reference import apart  # noqa: E402
 
 TOLERANCES = (1e-2, 1e-4, 1e-6)
 MODES = 256  # of the exact rod; half of them tell how well it knows
@@ -95,10 +96,6 @@ def exact(scene: Drawn, modes: int) -> np.ndarray:
     return np.asarray(scene.quantity(run), float)
 
 
-def off(a, b) -> float:
-    return float(np.nan_to_num(np.max(np.abs(a - b)), nan=np.inf))
-
-
 def cheapest(scene: Drawn, truth) -> dict[float, float]:
     """Of all ways, for each tolerance the least cost in s; inf where none does."""
     best = dict.fromkeys(TOLERANCES, np.inf)
@@ -108,7 +105,7 @@ def cheapest(scene: Drawn, truth) -> dict[float, float]:
             continue
         here = on_rung(scene.system, scene.start, basis)
         fine, fine_steps = value(scene, *here, tolerance=1e-11)
-        rungs.append((here, fine_steps, off(fine, truth)))
+        rungs.append((here, fine_steps, apart(fine, truth)))
     for k, (here, fine_steps, own) in enumerate(rungs):
         surest = max([own, *(error for (system, _), _, error in rungs[k:] if system.basis.n > 1)])
         within = [tolerance for tolerance in TOLERANCES if surest <= tolerance]
@@ -137,7 +134,7 @@ def search(scene: Drawn, here: tuple, solver, fine_steps: float, truth, within: 
         if all(spent > best[tolerance] for tolerance in within):
             return
         found, steps = value(scene, system, start, **how)
-        error, spent = off(found, truth), cost.seconds(system, solver, steps)
+        error, spent = apart(found, truth), cost.seconds(system, solver, steps)
         for tolerance in within:
             if error <= tolerance and before <= FINER**3 * tolerance:
                 best[tolerance] = min(best[tolerance], spent)
@@ -172,11 +169,11 @@ def looked_at(kind: str, arguments) -> list[tuple]:
         truth, check = exact(scene, MODES), exact(scene, MODES // 2)
         least = None
         for tolerance in TOLERANCES:
-            if off(truth, check) > SOLVED * tolerance:
+            if apart(truth, check) > SOLVED * tolerance:
                 continue  # it cannot be told
             least = cheapest(scene, truth) if least is None else least
             plan = jaxrod.plan(scene.system, scene.start, t1=scene.t1, tolerance=tolerance, quantity=scene.quantity)
-            error = off(value(scene, scene.system, scene.start, tolerance=plan)[0], truth) if plan.met else np.nan
+            error = apart(value(scene, scene.system, scene.start, tolerance=plan)[0], truth) if plan.met else np.nan
             found.append((kind, tolerance, plan.met, plan.cost, error, least[tolerance]))
             broken = plan.met and not (error <= tolerance and plan.cost <= 3 * least[tolerance])
             if broken or (not plan.met and np.isfinite(least[tolerance])):

@@ -32,6 +32,7 @@ import numpy as np  # noqa: E402
 import report  # noqa: E402
 
 from jaxrod import Result  # noqa: E402
+from jaxrod.checks import in_type  # noqa: E402
 
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
 DENSITY = 1000.0
@@ -137,10 +138,6 @@ def _single(x):
     return jnp.asarray(x, jnp.float32).astype(jnp.float64)
 
 
-def _cast(tree, dtype):
-    return jax.tree.map(lambda x: x.astype(dtype), tree)
-
-
 def _place(sol) -> jax.Array:
     """Of the tip from the pivot, in flight from the centre of mass, over the length."""
     system = sol.system
@@ -189,7 +186,7 @@ def growth(kind: Kind, p: dict, known: dict) -> jax.Array:
 def single(kind: Kind, p: dict, known: dict) -> dict:
     """The same scene in float32."""
     system, start, ts = scene(kind, p)
-    run = jaxrod.simulate(*_cast((system, start), jnp.float32), ts=ts.astype(jnp.float32), max_steps=LONGEST)
+    run = jaxrod.simulate(*in_type(jnp.float32, (system, start)), ts=ts.astype(jnp.float32), max_steps=LONGEST)
     return _found(run, known)
 
 

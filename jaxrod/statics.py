@@ -64,7 +64,7 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     given = {name: checks.number(name, value) for name, value in given.items() if value is not None}
     # Searched in JAX's default type, in which Optimistix keeps its own numbers.
     dtype, wide = checks.float_type(system, given), jnp.result_type(float)
-    scene, given = jax.tree.map(lambda x: x.astype(wide) if eqx.is_inexact_array(x) else x, (system, given))
+    scene, given = checks.in_type(wide, (system, given))
     state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
     sound = (error < unbalanced_at_most(error.dtype)) & (lowest > -1)
     if checks.fails(lambda sound: sound, sound):

@@ -86,7 +86,7 @@ def simulate(
         raise ValueError(
             f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
         )
-    system, start = jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, (system, start))
+    system, start = checks.in_type(dtype, (system, start))
     solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order_for(rod, pivot, modes))
     if static and checks.fails(lambda x: x < 0, beyond):
         raise ValueError(
