@@ -1,5 +1,6 @@
 """One compiled run by equal steps of a symplectic solver, and how many of them an accuracy takes."""
 
+import math
 from typing import Any
 
 import equinox as eqx
@@ -8,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from .energy import gravity_pivoted, kinetic_director
 from .equations import eigenvalues
 from .flat import Flat
 from .ledger import energy_change, is_closed, over, with_start
@@ -23,17 +25,20 @@ from .unrolled import Unrolled, Whole
 
 LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}  # that a type reaches
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...
-_FINEST_RESONANT = 0.24  # the same of driven rods of several shapes, whose steps may be in resonance with their modes
 _FINEST_SMALL_KICKS = 0.11  # ... kicks as strong as the springs; both measured: docs/performance.md
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
 _PRESSED = -2 / 3  # strain below which the default's steps are not trusted: benchmarks/random_extremes.py
 _LOOKS = 65  # times at which a prescribed rate is looked at
 _HARD = 0.05  # strain ahead above which steps of more than one strain shape are looked at twice
+_LINGERING = 0.2  # energy, from that of standing upside down, within which a run is looked at so too
 _HOPELESS = {"float64": 1e3, "float32": 2.0}  # strain ahead above which the default's steps are not trusted
-_UNRESOLVED = {"float64": 10.0, "float32": 2.0}  # difference from half the steps, in tolerances, that is too large
-_RESONANT = {"float64": 3.0, "float32": 1.0}  # the same of driven rods
+_FEWER = 0.618  # share of the steps, taken again: half of them would be in resonance with the same mode
+_UNRESOLVED = {"float64": 1.5, "float32": 2.0}  # difference from fewer steps, in tolerances, that is too large
+_AT_FIRST = 0.5  # share of it that is too large in the first part of a run
 _SEEN = 8  # save times at which that is looked at
+_CLEAR = 0.3  # sine of half a mode's phase in a step, below which the kicks of many steps add up: 0 in resonance
+_SHORTER = 1 - np.arange(8) / 16  # share of a step, tried until it is clear
 _EACH_RADIAN = {"float64": 0.0, "float32": 6e-7}  # rounding, of the length, for each radian that the rod turned
 _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 0.3  # energy lost, in tolerances, above which steps were too long
@@ -53,8 +58,7 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
         step = phase / jnp.sqrt(axial + turning)
     else:
         rate = 2 * turning if system.basis.n == 0 else turning + axial
-        finest = _FINEST_RESONANT if isinstance(system.motion, Driven) and system.basis.n > 1 else _FINEST
-        step = jnp.minimum(finest * finer, _LONGEST_PHASE) / (1 + 0.7 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
+        step = jnp.minimum(_FINEST * finer, _LONGEST_PHASE) / (1 + 0.7 * jnp.minimum(strain, 3.0)) / jnp.sqrt(rate)
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
@@ -145,8 +149,8 @@ def step_through(
 def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, taken, states: State) -> Bool[Array, ""]:
     """Whether steps that were counted from the start were short enough for what came.
 
-    Half as many are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it,
-    and in float32, whose rounding it does not show.
+    Fewer are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it, where
+    the rod may linger upside down, and in float32, whose rounding it does not show.
     """
     name, closed = t0.dtype.name, is_closed(system)
     ahead = _strain_ahead(system, start, _turning(system, start, t0, ts[-1]))
@@ -156,14 +160,25 @@ def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, tak
     always = not closed or name == "float32"
     if not always and system.basis.n < 2:
         return trusted
-    # Where little is to be feared, in a part of the run: that is enough to tell steps that are plainly too long.
+    # Where little is to be feared, in the first part of the run, of which the rest is thought to be off in proportion.
     parts = min(_SEEN, ts.size)
-    looked = jnp.asarray(always) | (ahead > _HARD) | ((jnp.arange(parts) == 0) & (parts > 1))
-    off = _off_by_half(system, solver, split, start, t0, ts, taken, states, looked)
+    whole = jnp.asarray(always) | (ahead > _HARD) | _may_linger(system, start)
+    looked = whole | ((jnp.arange(parts) == 0) & (parts > 1))
+    off = _off_by_fewer(system, solver, split, start, t0, ts, taken, states, looked)
     turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
-    unresolved = _RESONANT[name] if isinstance(system.motion, Driven) else _UNRESOLVED[name]
-    bound = unresolved * (tolerance + _EACH_RADIAN[name] * turned)
+    bound = _UNRESOLVED[name] * (tolerance + _EACH_RADIAN[name] * turned) * jnp.where(whole, 1.0, _AT_FIRST)
     return trusted & jnp.all((off <= bound) | ~looked)
+
+
+def _may_linger(system: System, start: State) -> Bool[Array, ""]:
+    """Whether the rod may come to a stop near its inverted equilibrium, where what it is off by grows exponentially."""
+    if system.gravity is None or isinstance(system.motion, Flight):
+        return jnp.asarray(False)
+    body, straight = system.body, jnp.zeros_like(start.amplitudes)
+    energy = kinetic_director(body, straight, straight, start.direction_rate)
+    energy = energy + gravity_pivoted(body, system.gravity, straight, start.direction)
+    top = jnp.sqrt(jnp.sum(system.gravity**2)) * jnp.abs(body.moment(straight))
+    return jax.lax.stop_gradient(jnp.abs(energy - top) < _LINGERING * top)
 
 
 def _condition(system: System) -> Float[Array, ""]:
@@ -174,23 +189,24 @@ def _condition(system: System) -> Float[Array, ""]:
     return spread[-1] / jnp.maximum(spread[0], jnp.finfo(mass.dtype).eps)
 
 
-def _off_by_half(
+def _off_by_fewer(
     system: System, solver, split, start: State, t0, ts, steps, states: State, looked: Bool[Array, " K"]
 ) -> Float[Array, " K"]:
-    """By how much the tip is elsewhere with half of `steps` (T,), over the furthest it was out, at least the length.
+    """By how much the tip is elsewhere with fewer than `steps` (T,), over the furthest it was out, at least the length.
 
     At K of the save times, the first ones that are `looked` at: at the end alone two errors that oscillate may meet.
     """
     seen = np.unique(np.linspace(0, ts.size - 1, looked.size + 1)[1:].astype(int))
-    half = (jnp.diff(_summed(steps)[seen], prepend=0) + 1) // 2 * looked
-    route = Route(t0, ts[seen], half, half, ts.size == 1)
-    twice = march(solver, split, split.encode(start), start.turns, route, False)
+    legs = jnp.diff(_summed(steps)[seen], prepend=0)
+    fewer = jnp.where(legs == 1, 2, jnp.round(_FEWER * legs).astype(legs.dtype)) * looked
+    route = Route(t0, ts[seen], fewer, fewer, ts.size == 1)
+    other = march(solver, split, split.encode(start), start.turns, route, False)
 
     def tip(state: State) -> Float[Array, " D"]:  # in flight from the centre of mass
         return system.body.reach(state.amplitudes) * state.direction
 
     here = jax.vmap(tip)(states)
-    there = jax.vmap(tip)(jax.vmap(split.decode)(ts[seen], twice.y, twice.turns))
+    there = jax.vmap(tip)(jax.vmap(split.decode)(ts[seen], other.y, other.turns))
     size = jnp.maximum(jnp.max(jnp.linalg.norm(here, axis=-1)), system.rod.length)
     return jax.lax.stop_gradient(jnp.linalg.norm(here[seen] - there, axis=-1) / size)
 
@@ -209,12 +225,23 @@ def _stepped(system: System, start: State, t0, solver: Any) -> AbstractStepped:
 def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Array, " T"]:
     """Steps to each save time."""
     legs = jnp.diff(ts, prepend=t0)
-    duration = ts[-1] - t0
-    size = step_size(system, start, solver, tolerance, t0, ts[-1]) if n_steps is None else duration / n_steps
-    counts = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
-    if even:  # one size for all
-        counts = jnp.where(legs > 0, jnp.max(counts), 0.0)
-    return jnp.clip(jnp.nan_to_num(counts, nan=_MOST), 0, _MOST).astype(jnp.int32)
+
+    def counts(size):
+        each = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
+        if even:  # one size for all
+            each = jnp.where(legs > 0, jnp.max(each), 0.0)
+        return jnp.clip(jnp.nan_to_num(each, nan=_MOST), 0, _MOST)
+
+    if n_steps is not None:
+        return counts((ts[-1] - t0) / n_steps).astype(jnp.int32)
+    size = step_size(system, start, solver, tolerance, t0, ts[-1])
+    if system.basis.n < 2:
+        return counts(size).astype(jnp.int32)
+    tried = jax.vmap(counts)(_SHORTER * size)
+    sizes = (ts[-1] - t0) / jnp.sum(tried, axis=1)
+    phases = jnp.outer(sizes, jnp.sqrt(eigenvalues(system.body)))
+    clear = jnp.min(jnp.where(phases > math.pi, jnp.abs(jnp.sin(phases / 2)), 1.0), axis=1)
+    return tried[jnp.argmax(jnp.minimum(clear, _CLEAR))].astype(jnp.int32)  # the first, where several are
 
 
 def _summed(counts: Int[Array, " T"]) -> Int[Array, " T"]:
