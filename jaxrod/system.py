@@ -9,17 +9,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks, energy
-from .axial import Axial, Prescribed
+from .axial import Axial
 from .basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
+from .fitting import check_parts
 from .flat import Flat
 from .force import AbstractForce
 from .lagrangian import Lagrangian
-from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, heading
+from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
+from .prescribed import Prescribed
 from .projection import Projection
 from .rod import Lumped, Rod
 from .splitting import AbstractSplit
+from .starting import started
 
 
 class System(eqx.Module):
@@ -57,52 +60,7 @@ class System(eqx.Module):
         if not isinstance(forces, tuple | list):
             raise ValueError(f"forces={forces!r} is not a sequence of forces; give a tuple such as (Torque(1.0),).")
         self.forces = tuple(forces)
-        for name, value, kind in (
-            ("rod", rod, Rod | Lumped),
-            ("motion", motion, AbstractMotion),
-            ("basis", self.basis, AbstractBasis),
-        ):
-            if not isinstance(value, kind):
-                raise ValueError(f"{name}={value!r} is not a {name}; give an instance such as {_EXAMPLES[name]}.")
-        for force in self.forces:
-            if not isinstance(force, AbstractForce):
-                raise ValueError(
-                    f"forces holds {force!r}, which is not a force; give Torque, PivotFriction or your own."
-                )
-            force.check(motion)
-        self._check_support()
-
-    def _check_support(self):
-        if isinstance(self.rod, Lumped):
-            if isinstance(self.motion, Flight):
-                raise ValueError("rod=Lumped(...) is a pivoted body without a mass; for Flight() give a Rod.")
-            if self._pivot is not None:
-                raise ValueError("rod=Lumped(...) is given about its pivot already; leave out pivot=.")
-            if self.basis.n > 1 or not isinstance(self.basis, Ritz):
-                raise ValueError(
-                    f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {self.basis!r}."
-                )
-            return
-        if isinstance(self.basis, QuasiStatic) and not self.rod.linear:
-            raise ValueError(
-                f"basis={self.basis!r} condenses Hooke's law only; leave out law= of the rod, or take {self.basis.basis!r}."
-            )
-        if isinstance(self.basis, QuasiStatic) and isinstance(self.motion, Driven):
-            raise ValueError(
-                f"basis={self.basis!r} leaves nothing to move where the rotation is Driven; take {self.basis.basis!r}, "
-                "or jaxrod.equilibrium for the static strain."
-            )
-        if isinstance(self.motion, AbstractPivoted):
-            pivot, length = jnp.zeros(()) if self._pivot is None else self._pivot, self.rod.length
-            if checks.fails(np.less_equal, pivot, length):
-                raise ValueError(
-                    f"pivot={checks.shown(pivot)} lies beyond the rod; it must be within length={checks.shown(length)} m."
-                )
-            if checks.fails(lambda area: area > 0, _area(self.rod, pivot)):
-                raise ValueError(
-                    f"pivot={checks.shown(pivot)} m is where the section vanishes, and a pin at a point holds nothing; "
-                    "move the pivot or give the end a radius."
-                )
+        check_parts(rod, motion, self.basis, self.forces)
 
     # ---- the rod as the basis sees it
 
@@ -144,52 +102,9 @@ class System(eqx.Module):
         **Raises:** `ValueError` for non-finite numbers, a strain of -1 or less anywhere, strain of a rigid rod, and
         arguments that this motion does not have.
         """
-        space, flight = self.motion.dimension == 3, self._free
-        for name, value, needed in (
-            ("azimuth", azimuth, "Spherical()" if not space else ""),
-            ("azimuth_rate", azimuth_rate, "Spherical()" if not space else ""),
-            ("center", center, "Flight()" if not flight else ""),
-            ("center_velocity", center_velocity, "Flight()" if not flight else ""),
-        ):
-            if value is not None and needed:
-                kind = type(self.motion).__name__
-                raise ValueError(f"{name}={value!r} has no meaning for {kind}(); leave it out or take motion={needed}.")
-        if isinstance(self.motion, Driven):
-            if any(checks.fails(lambda x: x == 0, checks.number("angle, rate", x)) for x in (angle, rate)):
-                raise ValueError(f"angle={angle!r}, rate={rate!r}: Driven() prescribes the rotation; leave them out.")
-            angle, rate, _ = self.motion.turning(0.0)
-        numbers = {"angle": angle, "rate": rate}
-        if space:
-            numbers |= {"azimuth": _or_zero(azimuth), "azimuth_rate": _or_zero(azimuth_rate)}
-        given = {name: checks.number(name, value) for name, value in numbers.items()}
-        strains = {
-            "amplitudes": self._amplitudes("strain", strain, "amplitudes", amplitudes),
-            "amplitude_rates": self._amplitudes("strain_rate", strain_rate, "amplitude_rates", amplitude_rates),
-        }
-        self._check_strain(strains["amplitudes"])
-        place = {"center": center, "center_velocity": center_velocity} if flight else {}
-        place = {name: checks.number(name, _or_zero(value, (0.0, 0.0)), (2,)) for name, value in place.items()}
-
-        dtype = checks.float_type(self, given, strains, place)
-        given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
-        direction, direction_rate, turns = (_spatial if space else _planar)(given)
-        return State(direction, direction_rate, **strains, turns=turns, **place)
-
-    def _amplitudes(self, name, uniform, all_name, amplitudes) -> Float[Array, " n"]:
-        n, uniform = self.basis.n, checks.number(name, uniform)
-        if amplitudes is None:
-            if n == 0 and checks.fails(lambda x: x == 0, uniform):
-                raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
-            return _first_alone(uniform, n)
-        if checks.fails(lambda x: x == 0, uniform):
-            raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
-        return checks.number(all_name, amplitudes, (n,))
-
-    def _check_strain(self, amplitudes):
-        if checks.fails(lambda a: a == 0, amplitudes):
-            lowest = self.lowest_strain(amplitudes)
-            if checks.fails(lambda strain: strain > -1, lowest):
-                raise ValueError(f"strain={float(lowest):.6g} turns the rod inside out; it must be above -1.")
+        return started(
+            self, angle, rate, strain, strain_rate, amplitudes, amplitude_rates, azimuth, azimuth_rate, center, center_velocity,
+        )  # fmt: skip
 
     def lowest_strain(self, amplitudes: Float[Array, " n"]) -> Float[Array, ""]:
         """The least strain along the rod, or zero if all are above."""
@@ -368,9 +283,6 @@ def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Pr
     return checks.in_type(checks.float_type(rod, pivot), basis.project(wide_rod, wide_pivot, free))
 
 
-_EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}
-
-
 def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
     if np.ndim(gravity) == 0:
         return checks.not_negative("gravity", gravity, "m/s^2 (or a vector, or None)")
@@ -380,41 +292,3 @@ def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
 def _finite(tree) -> Any:
     leaves = jax.tree.leaves(eqx.filter(tree, eqx.is_inexact_array))
     return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in leaves]))
-
-
-def _or_zero(value, zero: Any = 0.0):
-    return zero if value is None else value
-
-
-@checks.at_once
-def _area(rod: Rod, s):
-    return rod.area(s)
-
-
-@checks.at_once
-def _first_alone(uniform, n: int):
-    return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
-
-
-@checks.at_once
-def _planar(given):
-    angle, rate = given["angle"], given["rate"]
-    direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
-    return direction, rate * jnp.stack([-direction[1], direction[0]]), _turns(angle, direction)
-
-
-@checks.at_once
-def _spatial(given):
-    angle, rate, azimuth, azimuth_rate = (given[name] for name in ("angle", "rate", "azimuth", "azimuth_rate"))
-    outward = jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth), jnp.zeros_like(azimuth)])
-    sideways = jnp.stack([-outward[1], outward[0], outward[2]])
-    up = jnp.zeros_like(outward).at[2].set(1.0)
-    direction = jnp.cos(angle) * outward + jnp.sin(angle) * up
-    elevating = jnp.cos(angle) * up - jnp.sin(angle) * outward
-    direction_rate = rate * elevating + azimuth_rate * jnp.cos(angle) * sideways
-    return direction, direction_rate, _turns(azimuth, direction)
-
-
-def _turns(angle, direction):
-    """Full turns that an angle has made."""
-    return jax.lax.stop_gradient(jnp.round((angle - heading(direction)) / (2 * jnp.pi)))

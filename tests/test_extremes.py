@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 import jaxrod
 from jaxrod import Result
-from jaxrod.axial import AxialModes
+from jaxrod.oscillating import AxialModes
 
 GRAVITY = 9.81
 TIMES = jnp.linspace(0.0, 1.0, 41)  # always as many: runs of one structure and one shape are compiled once

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.axial import Axial, Prescribed
+from jaxrod.axial import Axial
 from jaxrod.flat import Flat
 from jaxrod.lanes import gathered, scattered
+from jaxrod.prescribed import Prescribed
 from jaxrod.splitting import Split
 from jaxrod.symplectic import single_step
 

@@ -1,0 +1,142 @@
+"""Oscillators for the axial modes, whatever their number and stiffness."""
+
+import abc
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import checks
+from .lanes import Numbers
+from .motion import State
+from .projection import Projection
+from .spectrum import eigh
+from .splitting import AbstractSplit, Split, Stage, least, lowest, per_inertia
+
+
+class AxialModes(eqx.Module):
+    """The rod in its axial normal modes, per inertia: amplitudes eta with a = shapes @ eta, of mass 1.
+
+    `rates` (n,), natural angular frequencies in rad/s, `periods` (n,) one over them; `arms` (n,) and `rest`: the moment of
+    inertia is rest + |arms + eta|^2, which is 1 at rest; `moments` (n+1,) the first moments; `shapes` (n, n), `inverse` its
+    inverse.
+    """
+
+    rates: Float[Array, " n"]
+    periods: Float[Array, " n"]
+    arms: Float[Array, " n"]
+    rest: Float[Array, ""]
+    moments: Float[Array, " n+1"]
+    shapes: Float[Array, "n n"]
+    inverse: Float[Array, "n n"]
+
+    def __init__(self, body: Projection):
+        dtype = body.mass_matrix.dtype
+        # In the widest type there is: of the fastest modes float32 would lose (omega_k / omega_1)^2 times its rounding.
+        body = per_inertia(checks.in_type(jnp.result_type(float), body))
+        n = body.stiffness_matrix.shape[0]
+        mixed = body.mass_matrix[1:, 0]
+        if n == 0:
+            squares, shapes = jnp.zeros_like(mixed), body.stiffness_matrix
+        else:
+            # By compliances, 1 / omega^2: rounding is small beside the largest, which are those of the slowest modes.
+            compliances, shapes = eigh(body.strain_mass, body.stiffness_matrix)
+            squares, shapes = 1 / compliances[::-1], (shapes / jnp.sqrt(compliances)[None, :])[:, ::-1]
+        rates, inverse, arms = jnp.sqrt(squares), shapes.T @ body.strain_mass, shapes.T @ mixed
+        moments = jnp.concatenate([body.first_moments[:1], shapes.T @ body.first_moments[1:]])
+        found = (rates, 1 / rates, arms, 1 - arms @ arms, moments, shapes, inverse)
+        self.rates, self.periods, self.arms, self.rest, self.moments, self.shapes, self.inverse = checks.in_type(
+            dtype, found
+        )
+
+    def inertia(self, eta):
+        """Moment of inertia of the stretched rod."""
+        arms = self.arms + eta
+        return self.rest + arms @ arms
+
+    def moment(self, eta):
+        """First moment of the stretched rod."""
+        return self.moments[0] + self.moments[1:] @ eta
+
+    def encode(self, state: State) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """eta of a state, and its rates over the natural ones."""
+        return self.inverse @ state.amplitudes, self.inverse @ state.amplitude_rates / self.rates
+
+    def decode(self, eta, deta) -> tuple[Float[Array, " n"], Float[Array, " n"]]:
+        """The amplitudes of the strain, and their rates."""
+        return self.shapes @ eta, self.shapes @ (deta * self.rates)
+
+
+class AbstractOscillating(AbstractSplit):
+    """A split whose drift has the oscillators of the axial modes.
+
+    `numbers`: what flows need, number by number, the modes first; `field`: strain of each mode at the places watched.
+    """
+
+    modes: eqx.AbstractVar[AxialModes]
+    numbers: eqx.AbstractVar[Any]
+    field: eqx.AbstractVar[Any]
+
+    def table(self, scheme, h):
+        """Versine and sine of each oscillator's angle in the drift of each stage, and in the first drift."""
+        drifts = jnp.asarray([stage.drift for stage in scheme.stages], self.modes.rest.dtype)
+        circle = jax.lax.stop_gradient(jax.vmap(self._circle)(drifts * h))
+        return circle, jax.lax.stop_gradient(self._circle(scheme.drifts[0] * h))
+
+    def _circle(self, t):
+        angles = [rate * t for rate in self.numbers[0].rates]
+        # By 1 - cos: the rounding of a cosine near one would swell or shrink the oscillation, alike in every step.
+        return [2 * jnp.sin(x / 2) ** 2 for x in angles], [jnp.sin(x) for x in angles]
+
+    def _turned(self, circle, t):
+        """A known circle of time t, as the function of the rates and of t that it is."""
+        angles = [rate * t for rate in self.numbers[0].rates]
+        return [_on_circle(v, s, angle) for v, s, angle in zip(*circle, angles, strict=True)]
+
+    def through(self, scheme, table, visit, carry, backwards=False):
+        # In a scan: XLA takes several times as long to compile stages written out, which are no faster.
+        stages = Stage(*(jnp.asarray(x, self.modes.rest.dtype) for x in zip(*scheme.stages, strict=True)))
+        rows = (stages, table[0])
+        return jax.lax.scan(lambda carry, row: (visit(carry, *row), None), carry, rows, reverse=backwards)[0]
+
+    @abc.abstractmethod
+    def _drift(self, circle, t, y: Split) -> Split:
+        """y after a drift for a time t, in which the oscillators turn as `circle` knows."""
+
+    def opened(self, scheme, table, t, h, y):
+        del t
+        return self._drift(table[1], scheme.drifts[0] * h, y)
+
+    def closed(self, scheme, table, t, h, y):
+        del t
+        return self.settled(self._drift(back(table[1]), -scheme.drifts[0] * h, y))
+
+    def _kicked(self, h, push: Numbers, y: Split) -> Split:
+        """y after a force on each mode for a time h."""
+        periods = self.numbers[0].periods
+        kicked = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, periods, strict=True)]
+        return y._replace(strain_momentum=y.strain.like(kicked))
+
+    def lowest_strain(self, phases):
+        return least(lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0]) for y in phases)
+
+
+def back(circle):
+    """The same angles backwards."""
+    versine, sin = circle
+    return versine, [-x for x in sin]
+
+
+@jax.custom_jvp
+def _on_circle(versine, sin, angle):
+    """1 - cos(angle) and sin(angle), which are known."""
+    del angle
+    return versine, sin
+
+
+@_on_circle.defjvp
+def _along_circle(known, rates):
+    versine, sin = _on_circle(*known)
+    return (versine, sin), (sin * rates[2], (1 - versine) * rates[2])

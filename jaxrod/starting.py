@@ -1,0 +1,97 @@
+"""States of a scene, from angles, strains and places."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from . import checks
+from .motion import Driven, Flight, State, heading
+
+
+def started(
+    system: Any, angle, rate, strain, strain_rate, amplitudes, amplitude_rates, azimuth, azimuth_rate, center, center_velocity
+) -> State:  # fmt: skip
+    """What `System.state` returns."""
+    space, flight = system.motion.dimension == 3, isinstance(system.motion, Flight)
+    for name, value, needed in (
+        ("azimuth", azimuth, "Spherical()" if not space else ""),
+        ("azimuth_rate", azimuth_rate, "Spherical()" if not space else ""),
+        ("center", center, "Flight()" if not flight else ""),
+        ("center_velocity", center_velocity, "Flight()" if not flight else ""),
+    ):
+        if value is not None and needed:
+            kind = type(system.motion).__name__
+            raise ValueError(f"{name}={value!r} has no meaning for {kind}(); leave it out or take motion={needed}.")
+    if isinstance(system.motion, Driven):
+        if any(checks.fails(lambda x: x == 0, checks.number("angle, rate", x)) for x in (angle, rate)):
+            raise ValueError(f"angle={angle!r}, rate={rate!r}: Driven() prescribes the rotation; leave them out.")
+        angle, rate, _ = system.motion.turning(0.0)
+    numbers = {"angle": angle, "rate": rate}
+    if space:
+        numbers |= {"azimuth": _or_zero(azimuth), "azimuth_rate": _or_zero(azimuth_rate)}
+    given = {name: checks.number(name, value) for name, value in numbers.items()}
+    strains = {
+        "amplitudes": _amplitudes(system, "strain", strain, "amplitudes", amplitudes),
+        "amplitude_rates": _amplitudes(system, "strain_rate", strain_rate, "amplitude_rates", amplitude_rates),
+    }
+    _check_strain(system, strains["amplitudes"])
+    place = {"center": center, "center_velocity": center_velocity} if flight else {}
+    place = {name: checks.number(name, _or_zero(value, (0.0, 0.0)), (2,)) for name, value in place.items()}
+
+    dtype = checks.float_type(system, given, strains, place)
+    given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
+    direction, direction_rate, turns = (_spatial if space else _planar)(given)
+    return State(direction, direction_rate, **strains, turns=turns, **place)
+
+
+def _amplitudes(system: Any, name, uniform, all_name, amplitudes) -> Float[Array, " n"]:
+    n, uniform = system.basis.n, checks.number(name, uniform)
+    if amplitudes is None:
+        if n == 0 and checks.fails(lambda x: x == 0, uniform):
+            raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
+        return _first_alone(uniform, n)
+    if checks.fails(lambda x: x == 0, uniform):
+        raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
+    return checks.number(all_name, amplitudes, (n,))
+
+
+def _check_strain(system: Any, amplitudes):
+    if checks.fails(lambda a: a == 0, amplitudes):
+        lowest = system.lowest_strain(amplitudes)
+        if checks.fails(lambda strain: strain > -1, lowest):
+            raise ValueError(f"strain={float(lowest):.6g} turns the rod inside out; it must be above -1.")
+
+
+def _or_zero(value, zero: Any = 0.0):
+    return zero if value is None else value
+
+
+@checks.at_once
+def _first_alone(uniform, n: int):
+    return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
+
+
+@checks.at_once
+def _planar(given):
+    angle, rate = given["angle"], given["rate"]
+    direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
+    return direction, rate * jnp.stack([-direction[1], direction[0]]), _turns(angle, direction)
+
+
+@checks.at_once
+def _spatial(given):
+    angle, rate, azimuth, azimuth_rate = (given[name] for name in ("angle", "rate", "azimuth", "azimuth_rate"))
+    outward = jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth), jnp.zeros_like(azimuth)])
+    sideways = jnp.stack([-outward[1], outward[0], outward[2]])
+    up = jnp.zeros_like(outward).at[2].set(1.0)
+    direction = jnp.cos(angle) * outward + jnp.sin(angle) * up
+    elevating = jnp.cos(angle) * up - jnp.sin(angle) * outward
+    direction_rate = rate * elevating + azimuth_rate * jnp.cos(angle) * sideways
+    return direction, direction_rate, _turns(azimuth, direction)
+
+
+def _turns(angle, direction):
+    """Full turns that an angle has made."""
+    return jax.lax.stop_gradient(jnp.round((angle - heading(direction)) / (2 * jnp.pi)))
