@@ -201,7 +201,8 @@ def limit_table():
 
 
 def picture(points, path):
-    """Marks: errors against uniform strain; lines: fitted powers; dashed: what the closed forms foretell of a sudden start."""
+    """Marks: errors against uniform strain, hollow where they are not in the fit; lines: fitted powers; dashed: what the closed
+    forms foretell of a sudden start."""
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes, slopes = figure.subplots(), []
     delta, angle, fitted = points[:, 0], points[:, 1], slice(1, 4)  # stiffer rods are rounding, softer ones no limit
@@ -214,7 +215,8 @@ def picture(points, path):
         seen = error > 1e-10
         slope, height = np.polyfit(np.log10(delta[fitted]), np.log10(error[fitted]), 1)
         slopes.append(slope)
-        axes.loglog(delta[seen], error[seen], mark, color=color, label=f"{name}: power {slope:.2f}")
+        axes.loglog(delta[seen], error[seen], mark, color=color, fillstyle="none")
+        axes.loglog(delta[fitted], error[fitted], mark, color=color, label=f"{name}: power {slope:.2f}")
         axes.loglog(delta, 10**height * delta**slope, color=color, linewidth=0.8)
     axes.loglog(delta, 2 * delta * angle, "--", color="#888888", linewidth=1.2, label="2 δ · angle")
     axes.loglog(delta, 1.5 * delta**2 * angle, ":", color="#888888", linewidth=1.2, label="3/2 δ² · angle")
@@ -283,6 +285,8 @@ from 1e8 to 1e10 Pa: {", ".join(f"{x:.2f}" for x in slopes)}, in the order of th
 {table(["E, Pa", "δ", *[x for name in LIMIT_NAMES for x in (name, "elsewhere")]], limits)}
 
 ![Rigid and quasi-static rods against δ](limits.png)
+
+Hollow marks are not in the fit: of the stiffest rods the steps' error (1e-10 of 150 rad) is seen, of the softest δ is not small.
 """
     (out / "model_error.md").write_text(text)
     print(text)

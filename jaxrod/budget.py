@@ -13,6 +13,7 @@ by chance alone.
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -88,36 +89,59 @@ class Budget(eqx.Module):
         return "a finer run did not reach its end" if failed else "the phase is lost"
 
 
-def budget_of(
-    quantity: AbstractQuantity, system: System, start: State, solution: Solution, run: Callable[..., Solution]
-) -> Budget:
-    """The error of `quantity` of `solution`.  `run(system, start)` runs as it was run, `run(system, start, tolerance)` by the
-    default solver to a tolerance."""
-    name = jnp.dtype(start.direction.dtype).name
-    value, exact = quantity(solution), quantity.exact(system)
-    zero, eps = jnp.zeros_like(value), jnp.finfo(value.dtype).eps
-    span = jnp.asarray(quantity.span(system), value.dtype)
-    limits = _limits(system) if isinstance(system.rod, Rod) else None
-    strain = _strain(system, solution)
-    if exact is not None:
-        model, rounding = jnp.abs(value - exact), 100 * eps * jnp.abs(value)
-        never = jnp.asarray(False)
-        return Budget(value, model, zero, rounding, span, never, limits, strain, quantity.name, quantity.unit)
+class FinerRuns(NamedTuple):
+    """What a `solution` is held against: the same scene by finer steps, from a start beside, and with more shapes, of which
+    there are `few` and `many`; a `Lumped` body has no more."""
 
+    solution: Solution
+    finer: Solution
+    aside: Solution
+    richer: tuple[Solution, Solution] | None
+    few: int
+    many: int
+
+
+def finer_runs(system: System, start: State, solution: Solution, run: Callable[..., Solution]) -> FinerRuns:
+    """`run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance."""
+    name = jnp.dtype(start.direction.dtype).name
     finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, NUDGE[name]))
-    fine, lost = quantity(finer), part(solution, finer) | part(solution, aside)
-    moved = jnp.abs(quantity(aside) - value) / NUDGE[name]
-    rounding = eps * jnp.sqrt(1.0 + solution.stats["num_steps"]) * (moved + jnp.abs(value))
-    model = zero
-    if isinstance(system.rod, Rod):
-        n = system.basis.n
-        few, many = (max(least, n + further) for least, further in _SHAPES)
-        less, more = (quantity(run(*on_rung(system, start, richer(system)(k)), _TOLERANCE[name])) for k in (few, many))
+    few, many = (max(least, system.basis.n + further) for least, further in _SHAPES)
+    if not isinstance(system.rod, Rod):
+        return FinerRuns(solution, finer, aside, None, few, many)
+    less, more = (run(*on_rung(system, start, richer(system)(k)), _TOLERANCE[name]) for k in (few, many))
+    return FinerRuns(solution, finer, aside, (less, more), few, many)
+
+
+def budget_of(quantity: AbstractQuantity, system: System, solution: Solution, runs: Callable[[], FinerRuns]) -> Budget:
+    """The error of `quantity` of `solution`, or of the one that the `runs` are of; they are asked for where needed."""
+    exact, limits = quantity.exact(system), _limits(system) if isinstance(system.rod, Rod) else None
+    if exact is not None:
+        value = quantity(solution)
+        zero, rounding = jnp.zeros_like(value), 100 * jnp.finfo(value.dtype).eps * jnp.abs(value)
+        parts, lost = (jnp.abs(value - exact), zero, rounding), jnp.asarray(False)
+    else:
+        solution = runs().solution
+        value = quantity(solution)
+        parts, lost = _parts(quantity, system, value, runs())
+    span, strain = jnp.asarray(quantity.span(system), value.dtype), _strain(system, solution)
+    return Budget(value, *parts, span, lost, limits, strain, quantity.name, quantity.unit)
+
+
+def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
+    """Errors of the model, of the steps and of rounding; and whether the run goes beyond its horizon."""
+    solution, fine = runs.solution, quantity(runs.finer)
+    lost = part(solution, runs.finer) | part(solution, runs.aside)
+    moved = jnp.abs(quantity(runs.aside) - value) / NUDGE[solution.ts.dtype.name]
+    steps = jnp.sqrt(1.0 + solution.stats["num_steps"])
+    rounding = jnp.finfo(value.dtype).eps * steps * (moved + jnp.abs(value))
+    model = jnp.zeros_like(value)
+    if runs.richer is not None:
+        less, more = map(quantity, runs.richer)
         # By both pairs, as either may agree by chance.
-        left = jnp.maximum(_beyond(few, less, many, more), _beyond(n, fine, many, more))
-        model = jnp.abs(fine - more) + left
+        of_two, of_all = _beyond(runs.few, less, runs.many, more), _beyond(system.basis.n, fine, runs.many, more)
+        model = jnp.abs(fine - more) + jnp.maximum(of_two, of_all)
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
-    return Budget(value, model, step, rounding, span, lost, limits, strain, quantity.name, quantity.unit)
+    return (model, step, rounding), lost
 
 
 _limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run

@@ -38,10 +38,8 @@ from .system import System
 
 _SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: answers that differ by less have come to the true one
-_STEEPEST = (
-    3.5,
-    4.6,
-)  # powers of 1 / shapes, with a jump and without, by which errors of 4 shapes fell at the most to 24
+# Powers of 1 / shapes, with a jump and without, by which errors of 4 shapes fell at the most to 24.
+_STEEPEST = (3.5, 4.6)
 _FOR_MODEL, _FOR_ROUNDING = 0.9, 0.1  # shares of the tolerance
 _ROOMY = 0.4  # of the tolerance: a rung that takes more may be dearer by its steps than the next
 _FOR_STEPS = 0.9  # of what is left of it

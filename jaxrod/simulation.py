@@ -7,6 +7,7 @@ top, 6e-7 for each radian turned; after a hundred turns, as the rounding of the 
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -18,7 +19,7 @@ import numpy as np
 from jaxtyping import Array
 
 from . import arguments, checks
-from .budget import budget_of
+from .budget import budget_of, finer_runs
 from .chart import AbstractChart
 from .checks import in_type
 from .choice import Plan
@@ -79,7 +80,7 @@ def simulate(
       `diffrax.diffeqsolve`.  `SaveAt(fn=)` and events receive a `State`.  `solver` alone keeps the default step size
       control, `dt0` alone takes constant steps.  Forward-mode derivatives need `adjoint=diffrax.ForwardMode()`.
     - `budget`: a quantity, such as `jaxrod.FinalTip()`, or a function of the solution, whose error is measured by four
-      more runs: `sol.budget`.  Of a list of them `sol.budget` is a tuple.
+      more runs: `sol.budget`.  Of a list of them, which share these, `sol.budget` is a tuple.
     - `throw`: raise `SimulationError` if the run does not reach its end.  Under a transformation nothing is raised.
 
     **Returns:** a `Solution`.  Whatever could not be computed is NaN there, and `result` says why.
@@ -181,21 +182,23 @@ def simulate(
             raise ValueError(f"budget={budget!r} is of a System; of any Lagrangian compare runs of two tolerances.")
 
         same = {"t0": t0, "event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
+        alike = {"tolerance": tolerance, "chart": chart, **step_keywords}
+        asked_times = {"t1": t1, "saveat": saveat} if ts is None else {"ts": ts}
+
+        def finer(solution, times):
+            def run(system, start, least=None):
+                return simulate(system, start, **times, **same, **(alike if least is None else {"tolerance": least}))
+
+            return finer_runs(system, start, run(system, start) if solution is None else solution, run)
+
+        shared = functools.cache(lambda: finer(solution, asked_times))
 
         def budget_for(quantity):
             looked = quantity.times(t0, t1)
-            times = {"t1": t1, "saveat": saveat} if ts is None else {"ts": ts}
-            more = ts is None and saveat is None and looked.size > 1
-            if more:
+            if ts is None and saveat is None and looked.size > 1:  # a run of its own, saved when it asks for it
                 times = {"ts": looked.astype(dtype)}
-
-            def again(system, start, least=None):
-                steps = (
-                    {"tolerance": tolerance, "chart": chart, **step_keywords} if least is None else {"tolerance": least}
-                )
-                return simulate(system, start, **times, **same, **steps)
-
-            return budget_of(quantity, system, start, again(system, start) if more else solution, again)
+                return budget_of(quantity, system, solution, functools.cache(lambda: finer(None, times)))
+            return budget_of(quantity, system, solution, shared)
 
         found = tuple(budget_for(quantity) for quantity in quantities)
         solution = dataclasses.replace(solution, budget=found if several else found[0])

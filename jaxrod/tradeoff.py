@@ -35,6 +35,7 @@ _BEST = LoadRitz(9)  # in place of the exact rod where that would take too long
 _FINE = 1e-11  # tolerance of a rung's own answer
 _MODES = 64  # of the exact rod
 _REPEATS = 3
+_BETTER = 0.9  # of an error: what gains less is not worth a higher cost
 
 
 class Row(NamedTuple):
@@ -65,10 +66,10 @@ class Tradeoff(NamedTuple):
 
     @property
     def front(self) -> list[Row]:
-        """The rows that no other beats: the cheapest first, each better than all before it."""
+        """The rows that no other beats: the cheapest first, each better than all before it by a tenth or more."""
         best, found = np.inf, []
         for row in self.rows:
-            if row.error < best:
+            if row.error < _BETTER * best:
                 found.append(row)
                 best = row.error
         return found

@@ -1,6 +1,7 @@
 """The error that a run states is the error that it has."""
 
 import dataclasses
+import sys
 
 import jax
 import jax.numpy as jnp
@@ -148,6 +149,25 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
     lowered, back = on_rung(*on_rung(system, start, jaxrod.Ritz(4)), jaxrod.Ritz(1))
     np.testing.assert_allclose(back.amplitudes, start.amplitudes, rtol=1e-12)
     assert lowered == dataclasses.replace(system, basis=lowered.basis)
+
+
+def test_several_quantities_share_their_runs(cone, monkeypatch):
+    """Each has the budget that it has alone; the finer runs are made once, and not for what is known without them."""
+    made, real = [], sys.modules["jaxrod.simulation"].finer_runs
+    monkeypatch.setattr(
+        sys.modules["jaxrod.simulation"], "finer_runs", lambda *given: [made.append(given), real(*given)][1]
+    )
+    system, start = _scene(cone, jaxrod.Ritz(1))
+
+    def budget(asked):
+        return jaxrod.simulate(system, start, t1=0.1, budget=asked).budget
+
+    budget(jaxrod.FirstFrequency())
+    assert not made
+    angle, tip, _ = budget([jaxrod.FinalAngle(), jaxrod.FinalTip(), jaxrod.FirstFrequency()])
+    assert len(made) == 1
+    np.testing.assert_array_equal(angle.bound, budget(jaxrod.FinalAngle()).bound)
+    np.testing.assert_array_equal(tip.bound, budget(jaxrod.FinalTip()).bound)
 
 
 @pytest.mark.slow

@@ -12,8 +12,9 @@ from jaxrod.tradeoff import Row, Tradeoff
 
 
 def test_front():
-    """The rows that no other beats in both."""
-    rows = [Row("a", "x", "float64", 10, error, cost) for error, cost in ((1e-2, 1), (1e-1, 2), (1e-4, 3), (1e-4, 4))]
+    """The rows that no other beats in both; not one that is a hundredth better and costs more."""
+    worth = ((1e-2, 1), (1e-1, 2), (1e-4, 3), (0.99e-4, 4))
+    rows = [Row("a", "x", "float64", 10, error, cost) for error, cost in worth]
     found = Tradeoff(rows, "tip", "m", "the exact rod", 1e-9, 3)
     assert [row.cost for row in found.front] == [1, 3]
     assert "no time for 3 more ways" in str(found) and str(found).count("float64") == 2
