@@ -3,6 +3,7 @@
 from typing import Any
 
 import diffrax
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -10,7 +11,7 @@ from jaxtyping import Array, Float
 from . import checks
 from .chart import AbstractChart
 from .lagrangian import Lagrangian
-from .motion import Driven, State
+from .motion import Driven, State, check_start
 from .multistep import AbstractMultistep
 from .stepping import LEAST_TOLERANCE
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
@@ -29,6 +30,20 @@ def check_scene(system: Any, start: Any, chart: Any = None) -> None:
         raise ValueError(
             f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
         )
+
+
+def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
+    """What is run in many ways, and with float64 beside: a scene whose numbers are there."""
+    if not isinstance(system, System):
+        raise ValueError(f"system={system!r} is no scene; give a System(rod, motion, basis).")
+    check_scene(system, start)
+    check_start(system.motion, system.basis.n, start)
+    if not all(map(checks.known, jax.tree.leaves((system, start)))):
+        raise ValueError(f"the scene is traced; {instead}.")
+    if jnp.result_type(float) != jnp.float64:
+        raise ValueError("the exact rod needs float64: call jaxrod.configure() before anything else of JAX.")
+    if not isinstance(static, bool | np.bool_):
+        raise ValueError(f"static={static!r} must be True or False.")
 
 
 def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | None) -> None:

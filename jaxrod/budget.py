@@ -20,10 +20,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from . import checks
 from .ladder import on_rung, richer
 from .limits import ModelLimits, model_limits
 from .motion import State
 from .quantity import AbstractQuantity
+from .result import Result
 from .rod import Rod
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE
@@ -67,14 +69,16 @@ class Budget(eqx.Module):
         return jnp.where(self.bounded, jnp.maximum(self.model + self.step + self.rounding, _FLOOR), jnp.inf)
 
     def __str__(self):
-        lines = []
+        if not checks.known(self.value) or self.span.ndim:
+            return f"Budget of the {self.name} of many runs: `bound` and its parts have their leading axes"
+        lines, unit = [], f" {self.unit}".rstrip()
         for index in np.ndindex(self.value.shape):
             at = f"[{', '.join(map(str, index))}]" if index else ""
             parts = ", ".join(
                 f"{name} {float(getattr(self, name)[index]):.1e}" for name in ("model", "step", "rounding")
             )
             bound = f"± {float(self.bound[index]):.1e}" if self.bounded[index] else f"no bound: {self._why_not(index)}"
-            lines.append(f"{self.name}{at} = {float(self.value[index]):.10g} {self.unit} {bound} ({parts})")
+            lines.append(f"{self.name}{at} = {float(self.value[index]):.10g}{unit} {bound} ({parts})")
         lines += [] if self.limits is None else [f"left out: {line}" for line in str(self.limits).splitlines()]
         if self.strain is not None:
             lines.append(
@@ -85,8 +89,10 @@ class Budget(eqx.Module):
     def _why_not(self, index) -> str:
         if self.lost:
             return "the motion is beyond its horizon"
+        if not np.isfinite(float(self.value[index])):
+            return "it is no number"
         failed = not np.isfinite(float(self.model[index] + self.step[index] + self.rounding[index]))
-        return "a finer run did not reach its end" if failed else "the phase is lost"
+        return "this run or a finer one did not reach its end" if failed else "the phase is lost"
 
 
 class FinerRuns(NamedTuple):
@@ -129,14 +135,19 @@ def budget_of(quantity: AbstractQuantity, system: System, solution: Solution, ru
 
 def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
     """Errors of the model, of the steps and of rounding; and whether the run goes beyond its horizon."""
-    solution, fine = runs.solution, quantity(runs.finer)
+    solution = runs.solution
+
+    def asked(run):  # of a run that stopped: nothing
+        return jnp.where(_ended(run, solution), quantity(run), jnp.nan)
+
+    fine, value = asked(runs.finer), jnp.where(_ended(solution, runs.finer), value, jnp.nan)
     lost = part(solution, runs.finer) | part(solution, runs.aside)
-    moved = jnp.abs(quantity(runs.aside) - value) / NUDGE[solution.ts.dtype.name]
+    moved = jnp.abs(asked(runs.aside) - value) / NUDGE[solution.ts.dtype.name]
     steps = jnp.sqrt(1.0 + solution.stats["num_steps"])
     rounding = jnp.finfo(value.dtype).eps * steps * (moved + jnp.abs(value))
     model = jnp.zeros_like(value)
     if runs.richer is not None:
-        less, more = map(quantity, runs.richer)
+        less, more = map(asked, runs.richer)
         # By both pairs, as either may agree by chance.
         of_two, of_all = _beyond(runs.few, less, runs.many, more), _beyond(system.basis.n, fine, runs.many, more)
         model = jnp.abs(fine - more) + jnp.maximum(of_two, of_all)
@@ -160,6 +171,11 @@ def part(one: Solution, other: Solution) -> Bool[Array, ""]:
         return jnp.asarray(False)
     square = jnp.sum((one.states.direction - other.states.direction) ** 2, axis=-1)
     return jnp.any((square > _APART**2) & (one.ts == other.ts))
+
+
+def _ended(run: Solution, other: Solution) -> Bool[Array, ""]:
+    """Whether a run came to its end: where its steps were too long it may have, when `other` did."""
+    return run.ok | ((run.result == Result.coarse) & (run.ts[-1] == other.ts[-1]))
 
 
 def _beyond(few: int, less: Array, many: int, more: Array) -> Array:

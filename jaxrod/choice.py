@@ -44,7 +44,8 @@ class Plan(eqx.Module):
         unit = f" {self.unit}" if self.unit else ""
         if not self.met:
             return f"{self.quantity} to {self.asked:.0e}{unit}: cannot be met, because {self.why}"
-        steps = f"{self.n_steps} steps{' that adapt' * (self.step is None)} of {type(self.solver).__name__}"
+        steps = f"{self.n_steps} step{'s' * (self.n_steps != 1)}{' that adapt' * (self.step is None)}"
+        steps = f"{steps} of {type(self.solver).__name__}"
         return (
             f"{self.quantity} to {self.asked:.0e}{unit}: {named(self.basis)}, {steps}, {self.dtype}; "
             f"error {self.error:.1e}{unit}, {1e6 * self.cost:.3g} us of one core a scene; {self.why}"

@@ -15,7 +15,6 @@ import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -111,8 +110,8 @@ def plan(
     **Returns:** a `Plan`; `simulate(system, start, tolerance=plan)` follows it, under `sweep` too.  If none is found, its
     `met` is false and `why` says what stands in the way.
 
-    **Raises:** `ValueError` if the tolerance is not positive, t1 not after t0, the quantity none, or numbers of the scene are
-    traced.
+    **Raises:** `ValueError` if the tolerance is not positive, t1 not after t0, `quantity` none that can be asked for, numbers of
+    the scene are traced, no `static` strain holds the rod, or there is no float64 (call `jaxrod.configure()` first).
 
     It takes ten to fifty runs of the scene, and compiles the rungs that it tries: seconds, or a minute for the first scene
     of a kind.
@@ -124,11 +123,9 @@ def plan(
     >>> print(found.met, found.basis.n)
     True 0
     """
-    if not all(map(checks.known, jax.tree.leaves((system, start)))):
-        raise ValueError("the scene is traced; plan one like it before, and follow that plan by tolerance=plan.")
+    arguments.check_known(system, start, "plan one like it before, and follow that plan by tolerance=plan", static)
     tolerance = float(checks.positive("tolerance", tolerance, "the quantity's unit"))
     quantity = as_quantity(quantity)
-    arguments.check_scene(system, start)
     system, start = in_type("float64", (system, start))
     begin, end = map(float, arguments.times(None, t1, t0, None, jnp.float64)[:2])
     return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()
@@ -157,7 +154,11 @@ class _Search:
             why = f"the answer of {truth.name} is known to {truth.apart:.1e} {unit} at best"
             if not math.isfinite(truth.apart):
                 why = f"{truth.name} does not reach the end, or a rung below it"
+            if np.isnan(truth.rung.value).any() and bool(truth.rung.fine.ok):
+                why = f"the {self.quantity.name} is no number"
             return self.planned(nearest, truth.apart, False, why)
+        if not math.isfinite(rounding):
+            return self.planned(nearest, math.inf, False, f"{named(truth.rung.basis)} does not reach the end")
         if not rounding <= _FOR_ROUNDING * self.tolerance:
             return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
         ways, tried = [], []
@@ -175,7 +176,7 @@ class _Search:
             known, rung = min(tried, key=lambda found: found[0])
             why = "no number of steps was found that reaches it"
             if known > _FOR_MODEL * self.tolerance:
-                why = f"{named(rung.basis)} is {known:.1e} {unit} from {truth.name}, too far for {_SHAPES[-1]} to mend"
+                why = f"{named(rung.basis)} is {known:.1e} {unit} from {truth.name}, and {_SHAPES[-1]} shapes would not mend it"
             return self.planned(nearest._replace(rung=rung), known, False, why)
         way, known = min(ways, key=lambda found: found[0].cost)
         why = f"{known:.1e} {unit} from {truth.name}{truth.why}".replace("  ", " ")

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float
 
 from . import checks, statics
 from .chart import Local
-from .motion import Driven, State
+from .motion import Driven, State, check_start
 from .result import Result
 from .simulation import simulate
 from .system import System
@@ -55,7 +55,8 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
     - `distance`: of the starts: in angles (rad) and strains, and in their rates over the natural rate of the scene (the
       axial one).
 
-    **Raises:** `ValueError` for numbers that are not positive, and where nothing can be set apart (a rigid driven rod).
+    **Raises:** `ValueError` for numbers that are not positive, a distance not below the tolerance, and where nothing can be set
+    apart (a rigid driven rod).
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=17658.0, density=1200.0)  # swing to strain 1 : 2
@@ -64,9 +65,17 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
     >>> print(jaxrod.horizon(system, start, t1=60.0, tolerance=1e-6).time.round(0))
     36.0
     """
+    if not isinstance(system, System) or not isinstance(start, State):
+        raise ValueError(f"system={system!r}, start={start!r}: give a System and a state of it, system.state(...).")
+    check_start(system.motion, system.basis.n, start)
     t1 = checks.positive("t1", t1, "s")
     tolerance = checks.positive("tolerance", tolerance, "lengths of the rod")
     distance = checks.positive("distance", distance, "rad and strain")
+    if checks.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
+        raise ValueError(
+            f"distance={checks.shown(distance)} of the starts must be below tolerance={checks.shown(tolerance)}; else nothing "
+            "can be told from the first moment on."
+        )
     if isinstance(system.motion, Driven) and system.basis.n == 0:
         raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")
     return _horizon(system, start, t1, tolerance, distance)

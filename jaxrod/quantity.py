@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import continuum
+from . import checks, continuum
 from .modal import natural_frequencies
 from .rod import Rod
 from .system import System
@@ -58,6 +58,8 @@ class LargestStrain(AbstractQuantity):
     """The largest elongation over length, either way, at the times that are saved; or the largest strain of the section `at`
     (m from the root).
 
+    **Raises:** `ValueError` where `at` lies beyond the rod.
+
     `budget`, `plan` and `tradeoff` ask for it at the 200 `times(t0, t1)`: save those to see the same.
 
     >>> import jaxrod
@@ -75,6 +77,11 @@ class LargestStrain(AbstractQuantity):
     def __call__(self, solution):
         if self.at is None:
             return jnp.max(jnp.abs(solution.strain), axis=-1)
+        length = solution.system.rod.length
+        if checks.fails(lambda at, length: (at >= 0) & (at <= length), checks.number("at", self.at), length):
+            raise ValueError(
+                f"at={checks.shown(self.at)} m lies beyond the rod; it must be within length={checks.shown(length)} m."
+            )
         return jnp.max(jnp.abs(solution.strain_field(jnp.asarray(self.at)[None])), axis=(-2, -1))
 
     def times(self, t0, t1):

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import continuum
+from .force import TipForce
 from .motion import State
 from .quantity import AbstractQuantity, Measured
 from .rod import Rod
@@ -29,8 +30,12 @@ def exact_answer(
 
     **Returns:** the best there is time for, or None where that is none: a scene or a function that the exact rod does not take,
     too many periods.  Where it does not reach its end the value is NaN, and `apart` inf.
+
+    **Raises:** `ValueError` where no `static` strain holds the rod.
     """
-    if not isinstance(system.rod, Rod):
+    if not isinstance(system.rod, Rod) or (static and not system.rod.linear):
+        return None
+    if len(system.forces) > 1 or not all(isinstance(force, TipForce) for force in system.forces):
         return None
     known = quantity.exact(system)
     if known is not None:
@@ -40,10 +45,7 @@ def exact_answer(
     for modes in _MODES:
         if modes > most or modes * radians > _MOST_STEPS:
             break
-        try:
-            run = continuum.simulate(system, start, ts=ts, t0=t0, static=static, modes=modes, error=False)
-        except ValueError:  # forces that it does not take, no static strain
-            return None
+        run = continuum.simulate(system, start, ts=ts, t0=t0, static=static, modes=modes, error=False)
         if not bool(run.ok):
             return Answer(np.asarray(np.nan), np.inf, False)
         try:

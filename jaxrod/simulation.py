@@ -180,6 +180,8 @@ def simulate(
     if budget is not None:
         if not isinstance(system, System) or not isinstance(start, State):
             raise ValueError(f"budget={budget!r} is of a System; of any Lagrangian compare runs of two tolerances.")
+        if not isinstance(solution.states, State):
+            raise ValueError(f"budget={budget!r} asks whole states; leave out fn= of saveat=.")
 
         same = {"t0": t0, "event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
         alike = {"tolerance": tolerance, "chart": chart, **step_keywords}
@@ -211,9 +213,10 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
     given = [name for name, value in own.items() if value is not None]
     if given:
         raise ValueError(f"tolerance= is a plan, which chooses them itself; leave out {', '.join(given)}.")
+    arguments.check_scene(system, start)
+    t0, end, _ = arguments.times(others["ts"], others["t1"], others["t0"], others["saveat"], jnp.dtype(plan.dtype))
     system, start = plan.applied(system, start)
-    end = others["t1"] if others["ts"] is None else others["ts"][-1]
-    return simulate(system, start, **plan.steps(system, start, others["t0"], end), **others)
+    return simulate(system, start, **plan.steps(system, start, t0, end), **others)
 
 
 class Reversible(eqx.Module):

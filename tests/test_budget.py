@@ -151,6 +151,7 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
     assert lowered == dataclasses.replace(system, basis=lowered.basis)
 
 
+@pytest.mark.slow
 def test_several_quantities_share_their_runs(cone, monkeypatch):
     """Each has the budget that it has alone; the finer runs are made once, and not for what is known without them."""
     made, real = [], sys.modules["jaxrod.simulation"].finer_runs
@@ -209,3 +210,22 @@ def test_a_tip_force_is_held_by_the_richer_rungs(cone):
     start = jaxrod.ladder.at_rest(system, system.state())
     budget = jaxrod.simulate(system, start, t1=0.05, budget=jaxrod.FinalTip()).budget
     assert jnp.max(budget.model) < 1e-9
+
+
+@pytest.mark.slow
+def test_a_run_that_stops_has_no_bound(cone):
+    """Whatever it was worth where it stopped; and where richer rungs stop, which are pressed through themselves."""
+    system, start = _scene(cone, jaxrod.Ritz(1))
+    cut = jaxrod.simulate(system, start, t1=1.0, max_steps=3, throw=False, budget=jaxrod.FinalAngle()).budget
+    assert np.isfinite(cut.value) and np.isinf(cut.bound) and "did not reach its end" in str(cut)
+    fast = jaxrod.System(cone, jaxrod.Rotation())
+    spun = fast.state(rate=3 * jaxrod.continuum.critical_rate(fast))
+    budget = jaxrod.simulate(fast, spun, t1=0.87, budget=lambda sol: sol.energy[-1]).budget
+    assert np.isinf(budget.bound) and np.isfinite(budget.step) and "did not reach its end" in str(budget)
+
+
+@pytest.mark.parametrize("at", [-0.1, 1.1, np.nan])
+def test_a_section_that_is_not_there(cone, at):
+    system, start = _scene(cone, jaxrod.Ritz(2))
+    with pytest.raises(ValueError, match="at="):
+        jaxrod.simulate(system, start, t1=0.01, budget=jaxrod.LargestStrain(at=at))

@@ -23,7 +23,9 @@ from ..rod import Lumped, Rod
 
 def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
     """The rod, its pivot (m from the root; None: the root itself, or none in flight), and whether it is in flight."""
-    rod = system.rod
+    rod = getattr(system, "rod", None)
+    if rod is None:
+        raise ValueError(f"system={system!r} is no scene; give a System(rod, motion, basis).")
     if isinstance(rod, Lumped):
         raise ValueError("rod=Lumped(...) has no length of material to vibrate; give a Rod(length, section, ...).")
     pivot = getattr(system.motion, "pivot", None)

@@ -26,6 +26,7 @@ from .waves import Waves, waves
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000
 _STABLE = 3.0  # step times the highest frequency, of Dopri8
+_WATCHED = 32  # sections at which every step is looked at
 
 
 def simulate(
@@ -54,7 +55,8 @@ def simulate(
     kink in u_ss), five where it is `static`.  But where the strain itself jumps (release from stretch, a step load at the
     tip) the tip gains one alone: its error halves as the modes double, 0.2 / modes of the jump, and no number of them gives
     many digits.  So do all quantities under a tip force that reads `state.strain`, which is there that of the modes.
-    Another strain law than Hooke's steepens waves; once they break there is no motion to converge to.
+    Another strain law than Hooke's steepens waves; once they break there is no motion to converge to.  Nor is there where a
+    section is pressed to nothing (strain -1): the run stops there, and is not `ok`.
 
     **Returns:** a `ContinuumSolution`.
 
@@ -69,7 +71,7 @@ def simulate(
     [0.7135833 1.4042295] [-0.00118  -0.001781] True
     """
     rod, pivot, _ = support(system)
-    _check(system, start, modes)
+    _check(system, start, modes, static)
     dtype = checks.float_type(system, start)
     if dtype != jnp.float64:
         raise ValueError(
@@ -81,7 +83,7 @@ def simulate(
     if static and not rod.linear:
         raise ValueError(f"static=True is of Hooke's law; give start its strain, or leave out law={rod.law_name}.")
     t0 = jnp.asarray(checks.number("t0", t0), dtype)
-    ts = jnp.asarray(checks.number("ts", ts, (max(1, jnp.size(ts)),)), dtype)
+    ts = jnp.asarray(checks.numbers("ts", ts, "times in s"), dtype)
     if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
         raise ValueError(
             f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
@@ -142,7 +144,9 @@ def converged(
     return solution
 
 
-def _check(system: Any, start: State, modes: int) -> None:
+def _check(system: Any, start: State, modes: int, static: bool) -> None:
+    if not isinstance(static, bool | np.bool_):
+        raise ValueError(f"static={static!r} must be True or False.")
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or modes < 2:
         raise ValueError(f"modes={modes!r} must be a whole number of modes, 2 or more.")
     for force in system.forces:
@@ -212,6 +216,11 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
     # What is saved is the end of a step, as an interpolation would cost digits.  Steps beyond 3 / omega of the highest mode
     # are unstable: kept below, none is refused for that.
     controller = diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=_STABLE * pace / waves.omega[kept - 1])
+    watched = jnp.linspace(0, waves.panels.s.size - 1, _WATCHED).astype(int)
+
+    def collapsed(t, y, args, **kwargs):
+        return jnp.any(waves.strain_at_nodes(dynamics.size * y.a, watched) <= -1)
+
     raw = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: dynamics(t0 + t / pace, y, args)),
         diffrax.Dopri8(),
@@ -221,6 +230,7 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
         dynamics.encode(t0, start, q, dq),
         saveat=diffrax.SaveAt(ts=times),
         stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=times),
+        event=diffrax.Event(collapsed),
         max_steps=_STEPS,
         throw=False,
     )
@@ -230,7 +240,7 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
     turning = states.rate if states.planar else jnp.cross(states.direction, states.direction_rate)
     momentum = jax.vmap(jnp.multiply)(inertia, turning)
     energy = jax.vmap(dynamics.energy)(ts, phases)
-    ended = diffrax.is_okay(raw.result) & jnp.all(jnp.isfinite(energy))
+    ended = diffrax.is_successful(raw.result) & jnp.all(jnp.isfinite(energy))
     tip = states.amplitudes @ waves.tip + loads @ waves.slack
     return _Run(states, tip, energy, momentum, loads, raw.stats["num_steps"], ended)
 

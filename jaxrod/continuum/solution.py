@@ -46,7 +46,8 @@ class ContinuumSolution(eqx.Module):
 
     @property
     def ok(self) -> Bool[Array, ""]:
-        """Whether the run reached its end, finite and nowhere pressed together to nothing (strain -1) at the times `ts`."""
+        """Whether the run reached its end, finite and nowhere pressed together to nothing (strain -1): at the times `ts` at
+        every node, in the steps between at some."""
         lowest = jnp.min(jax.vmap(self.waves.strain)(self.states.amplitudes))
         return self.ended & (lowest > -1)
 

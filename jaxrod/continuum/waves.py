@@ -9,7 +9,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..mesh import panel_ends, safe_sqrt
 from ..quadrature import Panels
@@ -67,6 +67,11 @@ class Waves(eqx.Module):
     def strain(self, q: Float[Array, " n"]) -> Float[Array, " N"]:
         """Strain at the nodes."""
         return self._strained(self.tension @ q)
+
+    def strain_at_nodes(self, q: Float[Array, " n"], some: Int[Array, " K"]) -> Float[Array, " K"]:
+        """Strain at some of the nodes."""
+        ds, rigidity = self.panels.ds[some], self.rigidity[some]
+        return (self.tension[some] @ q) * ds / jnp.where(rigidity > 0, rigidity, 1.0)
 
     @property
     def slack_elongation(self) -> Float[Array, "3"]:
