@@ -170,7 +170,7 @@ class _Search:
                 roomy = known <= _ROOMY * self.tolerance  # else more shapes may leave more to the steps
                 if ways and roomy and not (isinstance(rung.basis, QuasiStatic) or rung.basis.n == 1):
                     break  # none is cheaper than a rigid rod, and more shapes cost more
-            elif rung.basis.n >= _SHAPES[2] and self.hopeless(rung, known):
+            elif self.hopeless(tried):
                 break
         if not ways:
             known, rung = min(tried, key=lambda found: found[0])
@@ -247,9 +247,12 @@ class _Search:
         arm = float(system.rod.length) if isinstance(self.quantity, FinalTip) else 1.0
         return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)
 
-    def hopeless(self, rung: _Rung, known: float) -> bool:
-        """Whether the most shapes would be too few, as far as this rung tells."""
-        return not self.static and known * (rung.basis.n / _SHAPES[-1]) ** self.steepest > self.tolerance
+    def hopeless(self, tried: list[tuple[float, _Rung]]) -> bool:
+        """Whether the most shapes would be too few, as far as the rungs tell that may: errors do not fall evenly."""
+        least = [
+            known * (rung.basis.n / _SHAPES[-1]) ** self.steepest for known, rung in tried if rung.basis.n >= _SHAPES[2]
+        ]
+        return not self.static and bool(least) and min(least) > self.tolerance
 
     def rung(self, basis: AbstractBasis) -> _Rung:
         if named(basis) not in self.tried:
