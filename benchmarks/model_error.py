@@ -205,7 +205,7 @@ def picture(points, path):
     forms foretell of a sudden start."""
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes, slopes = figure.subplots(), []
-    delta, angle, fitted = points[:, 0], points[:, 1], slice(1, 4)  # stiffer rods are rounding, softer ones no limit
+    delta, angle, fitted = points[:, 0], points[:, 1], slice(1, 4)  # of stiffer rods a bounded part is seen, softer ones are no limit
     looks = (
         (2, "rigid", "#1f5fa8", "o"), (3, "quasi-static, same momentum", "#d9661f", "o"),
         (5, "rigid, started steadily", "#1f5fa8", "^"), (6, "quasi-static, started steadily", "#d9661f", "^"),
@@ -219,7 +219,8 @@ def picture(points, path):
         axes.loglog(delta[fitted], error[fitted], mark, color=color, label=f"{name}: power {slope:.2f}")
         axes.loglog(delta, 10**height * delta**slope, color=color, linewidth=0.8)
     axes.loglog(delta, 2 * delta * angle, "--", color="#888888", linewidth=1.2, label="2 δ · angle")
-    axes.loglog(delta, 1.5 * delta**2 * angle, ":", color="#888888", linewidth=1.2, label="3/2 δ² · angle")
+    bounded = 1.5 * delta**2 * angle + 2 * delta**1.5
+    axes.loglog(delta, bounded, ":", color="#888888", linewidth=1.2, label="3/2 δ² · angle + 2 δ^(3/2)")
     axes.set(
         xlabel="δ = (rate / strain frequency)²",
         ylabel="angle after 10 s, off uniform strain by (rad)",
@@ -277,8 +278,8 @@ static one. By its own estimate the exact rod's angle is known to {worst:.0e} ra
 ## Stiff rods
 
 The paper's rod with larger moduli: angle after 10 s less that of uniform strain, δ = (rate / strain frequency)². From no
-stretch the rigid rod is off by 2 δ · angle, the quasi-static one by 3/2 δ² · angle at most, if it starts with the same angular
-momentum; with the same rate it is as bad as the rigid one. Where uniform strain starts stretched as its loads would hold it,
+stretch the rigid rod is off by 2 δ · angle, the quasi-static one by 3/2 δ² · angle, which grows, and by 2 δ^(3/2), which does
+not, if it starts with the same angular momentum; with the same rate it is as bad as the rigid one. Where uniform strain starts stretched as its loads would hold it,
 both are better, the quasi-static one (of the same rate) by far. So the three rungs approach one another; fitted powers of δ
 from 1e8 to 1e10 Pa: {", ".join(f"{x:.2f}" for x in slopes)}, in the order of the picture's legend.
 
@@ -286,7 +287,7 @@ from 1e8 to 1e10 Pa: {", ".join(f"{x:.2f}" for x in slopes)}, in the order of th
 
 ![Rigid and quasi-static rods against δ](limits.png)
 
-Hollow marks are not in the fit: of the stiffest rods the steps' error (1e-10 of 150 rad) is seen, of the softest δ is not small.
+Hollow marks are not in the fit: of the stiffest rod what does not grow is seen, of the softest δ is not small.
 """
     (out / "model_error.md").write_text(text)
     print(text)
