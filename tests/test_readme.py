@@ -15,7 +15,7 @@ README = pathlib.Path(__file__).parent.parent / "README.md"
 def test_example(capsys):
     text = README.read_text()
     blocks = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
-    assert len(blocks) == 3
+    assert len(blocks) == 4
     names: dict = {}
     exec(compile(blocks[0], str(README), "exec"), names)
     assert f"{names['f'][0]:.2f} Hz" in text
@@ -50,3 +50,18 @@ def test_a_million_rods():
     assert (out["result"] == jaxrod.Result.ok).all()
     assert out["strain"].shape == (256,) and (out["tip"] < 1.2).all()
     assert (slopes["rate"] > 0).mean() > 0.9 and jnp.isfinite(slopes["young"]).all()
+
+
+@pytest.mark.slow
+def test_how_wrong(capsys):
+    """The fourth example: the budget and the exact rod are as it says, the plan is kept."""
+    text = README.read_text()
+    block = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)[3]
+    names: dict = {}
+    exec(compile(block.replace("seconds=20.0", "seconds=1.0"), str(README), "exec"), names)
+    budget, exact, run = names["sol"].budget, float(names["exact"].angle[-1]), names["run"]
+    assert f"{float(budget.value):.10g} rad ± {float(budget.bound):.1e}" in text and f"{exact:.5f} rad" in text
+    assert abs(float(budget.value) - exact) < budget.bound and budget.model > 0.99 * budget.bound
+    assert names["found"].met and abs(float(run.angle[-1]) - exact) < 1e-3
+    printed = capsys.readouterr().out
+    assert "the exact rod" in printed and "distances grow" in printed
