@@ -205,7 +205,11 @@ def picture(points, path):
     forms foretell of a sudden start."""
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes, slopes = figure.subplots(), []
-    delta, angle, fitted = points[:, 0], points[:, 1], slice(1, 4)  # of stiffer rods a bounded part is seen, softer ones are no limit
+    delta, angle, fitted = (
+        points[:, 0],
+        points[:, 1],
+        slice(1, 4),
+    )  # beyond: no limit, a bounded part
     looks = (
         (2, "rigid", "#1f5fa8", "o"), (3, "quasi-static, same momentum", "#d9661f", "o"),
         (5, "rigid, started steadily", "#1f5fa8", "^"), (6, "quasi-static, started steadily", "#d9661f", "^"),
@@ -279,9 +283,10 @@ static one. By its own estimate the exact rod's angle is known to {worst:.0e} ra
 
 The paper's rod with larger moduli: angle after 10 s less that of uniform strain, δ = (rate / strain frequency)². From no
 stretch the rigid rod is off by 2 δ · angle, the quasi-static one by 3/2 δ² · angle, which grows, and by 2 δ^(3/2), which does
-not, if it starts with the same angular momentum; with the same rate it is as bad as the rigid one. Where uniform strain starts stretched as its loads would hold it,
-both are better, the quasi-static one (of the same rate) by far. So the three rungs approach one another; fitted powers of δ
-from 1e8 to 1e10 Pa: {", ".join(f"{x:.2f}" for x in slopes)}, in the order of the picture's legend.
+not, if it starts with the same angular momentum; with the same rate it is as bad as the rigid one. Where uniform strain
+starts stretched as its loads would hold it, both are better, the quasi-static one (of the same rate) by far. So the three
+rungs approach one another; fitted powers of δ from 1e8 to 1e10 Pa: {", ".join(f"{x:.2f}" for x in slopes)}, in the order of
+the picture's legend.
 
 {table(["E, Pa", "δ", *[x for name in LIMIT_NAMES for x in (name, "elsewhere")]], limits)}
 

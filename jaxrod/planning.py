@@ -40,6 +40,7 @@ _AGREED = 0.1  # of the tolerance: answers that differ by less have come to the 
 # Powers of 1 / shapes, with a jump and without, by which errors of 4 shapes fell at the most to 24.
 _STEEPEST = (3.5, 4.6)
 _FOR_MODEL, _FOR_ROUNDING = 0.9, 0.1  # shares of the tolerance
+_AT_MOST = 0.99  # of it: the most that the model may take where no rung takes less
 _ROOMY = 0.4  # of the tolerance: a rung that takes more may be dearer by its steps than the next
 _FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
@@ -151,7 +152,7 @@ class _Search:
         if math.isinf(growth) and math.isfinite(truth.apart):
             return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
         if not truth.apart <= _FOR_MODEL * self.tolerance:
-            why = f"the answer of {truth.name} is known to {truth.apart:.1e} {unit} at best"
+            why = f"the answer of {truth.name} is known to {truth.apart:.1e} {unit} at best".replace("  ", " ")
             if not math.isfinite(truth.apart):
                 why = f"{truth.name} does not reach the end, or a rung below it"
             if np.isnan(truth.rung.value).any() and bool(truth.rung.fine.ok):
@@ -172,11 +173,14 @@ class _Search:
                     break  # none is cheaper than a rigid rod, and more shapes cost more
             elif self.hopeless(tried):
                 break
+        known, rung = min(tried, key=lambda found: found[0])
+        if not ways and _FOR_MODEL * self.tolerance < known <= _AT_MOST * self.tolerance:  # dear, but better than none
+            ways = [(way, known) for way in self.ways(rung, known, rounding, growth)]
         if not ways:
-            known, rung = min(tried, key=lambda found: found[0])
             why = "no number of steps was found that reaches it"
-            if known > _FOR_MODEL * self.tolerance:
-                why = f"{named(rung.basis)} is {known:.1e} {unit} from {truth.name}, and {_SHAPES[-1]} shapes would not mend it"
+            if known > _AT_MOST * self.tolerance:
+                away = f"{named(rung.basis)} is {known:.1e} {unit} from {truth.name}".replace("  ", " ")
+                why = f"{away}, and {_SHAPES[-1]} shapes would not mend it"
             return self.planned(nearest._replace(rung=rung), known, False, why)
         way, known = min(ways, key=lambda found: found[0].cost)
         why = f"{known:.1e} {unit} from {truth.name}{truth.why}".replace("  ", " ")
