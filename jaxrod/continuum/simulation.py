@@ -6,7 +6,7 @@ shares no code with the strain bases: it reads the rod, how it is held, what is 
 
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import diffrax
 import equinox as eqx
@@ -26,7 +26,7 @@ from .waves import Waves, waves
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000
 _STABLE = 3.0  # step times the highest frequency, of Dopri8
-_WATCHED = 32  # sections at which every step is looked at
+_WATCHED, _WATCHES = 32, 1000  # sections, and times between those that are saved, at which strains are looked at
 
 
 def simulate(
@@ -56,7 +56,7 @@ def simulate(
     tip) the tip gains one alone: its error halves as the modes double, 0.2 / modes of the jump, and no number of them gives
     many digits.  So do all quantities under a tip force that reads `state.strain`, which is there that of the modes.
     Another strain law than Hooke's steepens waves; once they break there is no motion to converge to.  Nor is there where a
-    section is pressed to nothing (strain -1): the run stops there, and is not `ok`.
+    section is pressed to nothing (strain -1): the run is not `ok` then.
 
     **Returns:** a `ContinuumSolution`.
 
@@ -217,9 +217,10 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
     # are unstable: kept below, none is refused for that.
     controller = diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=_STABLE * pace / waves.omega[kept - 1])
     watched = jnp.linspace(0, waves.panels.s.size - 1, _WATCHED).astype(int)
+    between = jnp.linspace(0, times[-1], _WATCHES)
 
-    def collapsed(t, y, args, **kwargs):
-        return jnp.any(waves.strain_at_nodes(dynamics.size * y.a, watched) <= -1)
+    def lowest(t, y, args):
+        return jnp.min(waves.strain_at_nodes(dynamics.size * y.a, watched))
 
     raw = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: dynamics(t0 + t / pace, y, args)),
@@ -228,19 +229,18 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
         times[-1],
         None,
         dynamics.encode(t0, start, q, dq),
-        saveat=diffrax.SaveAt(ts=times),
+        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=times), diffrax.SubSaveAt(ts=between, fn=lowest)]),
         stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=times),
-        event=diffrax.Event(collapsed),
         max_steps=_STEPS,
         throw=False,
     )
-    phases: Any = raw.ys
+    phases, lowest_between = cast(Any, raw.ys)
     states, loads = jax.vmap(dynamics.decode)(ts, phases), jax.vmap(dynamics.loads)(ts, phases)
     inertia = waves.inertia * jax.vmap(dynamics.inertia)(phases.a)
     turning = states.rate if states.planar else jnp.cross(states.direction, states.direction_rate)
     momentum = jax.vmap(jnp.multiply)(inertia, turning)
     energy = jax.vmap(dynamics.energy)(ts, phases)
-    ended = diffrax.is_successful(raw.result) & jnp.all(jnp.isfinite(energy))
+    ended = diffrax.is_successful(raw.result) & jnp.all(jnp.isfinite(energy)) & jnp.all(lowest_between > -1)
     tip = states.amplitudes @ waves.tip + loads @ waves.slack
     return _Run(states, tip, energy, momentum, loads, raw.stats["num_steps"], ended)
 

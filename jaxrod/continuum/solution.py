@@ -28,9 +28,9 @@ class ContinuumSolution(eqx.Module):
     """A run of the exact rod.  Leading axes (T, ...) are times.
 
     `ts` (T,) in s; `energy` (T,) in J; `angular_momentum` (T,), in space (T, 3), in kg m^2/s; `loads` (T, 3), |d'|^2, g . d and
-    the force at the tip along the rod; `error`, an `Errors` or
-    None; `steps`, how many were taken; `ended`, whether the run reached its end.  `states` holds director, centre and
-    their rates, and as amplitudes those of the exact rod's modes (T, modes), which `waves` are.
+    the force at the tip along the rod; `error`, an `Errors` or None; `steps`, how many were taken; `ended`, whether the run
+    reached its end, not pressed to nothing on the way.  `states` holds director, centre and their rates, and as amplitudes
+    those of the exact rod's modes (T, modes), which `waves` are.
     """
 
     ts: Float[Array, " T"]
@@ -46,8 +46,8 @@ class ContinuumSolution(eqx.Module):
 
     @property
     def ok(self) -> Bool[Array, ""]:
-        """Whether the run reached its end, finite and nowhere pressed together to nothing (strain -1): at the times `ts` at
-        every node, in the steps between at some."""
+        """Whether the run reached its end, finite and nowhere pressed together to nothing (strain -1): at the times `ts`, and
+        at a thousand between them (at fewer sections)."""
         lowest = jnp.min(jax.vmap(self.waves.strain)(self.states.amplitudes))
         return self.ended & (lowest > -1)
 
