@@ -172,6 +172,7 @@ class _Run(NamedTuple):
     loads: Float[Array, "T 3"]
     steps: Array
     ended: Array
+    lowest: Array
 
 
 @eqx.filter_jit
@@ -186,7 +187,17 @@ def _run(system, start, t0, ts, static, modes, tolerance, error, order) -> tuple
     else:
         run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance), None
     solution = ContinuumSolution(
-        ts, run.states, run.energy, run.angular_momentum, run.loads, errors, run.steps, run.ended, all_waves, system
+        ts,
+        run.states,
+        run.energy,
+        run.angular_momentum,
+        run.loads,
+        errors,
+        run.steps,
+        run.ended,
+        run.lowest,
+        all_waves,
+        system,
     )
     turning = start.direction_rate @ start.direction_rate
     if isinstance(system.motion, Driven):
@@ -240,9 +251,9 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
     turning = states.rate if states.planar else jnp.cross(states.direction, states.direction_rate)
     momentum = jax.vmap(jnp.multiply)(inertia, turning)
     energy = jax.vmap(dynamics.energy)(ts, phases)
-    ended = diffrax.is_successful(raw.result) & jnp.all(jnp.isfinite(energy)) & jnp.all(lowest_between > -1)
+    ended = diffrax.is_successful(raw.result) & jnp.all(jnp.isfinite(energy))
     tip = states.amplitudes @ waves.tip + loads @ waves.slack
-    return _Run(states, tip, energy, momentum, loads, raw.stats["num_steps"], ended)
+    return _Run(states, tip, energy, momentum, loads, raw.stats["num_steps"], ended, jnp.min(lowest_between))
 
 
 def _difference(fine: _Run, coarse: _Run) -> Errors:

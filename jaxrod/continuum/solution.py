@@ -29,7 +29,7 @@ class ContinuumSolution(eqx.Module):
 
     `ts` (T,) in s; `energy` (T,) in J; `angular_momentum` (T,), in space (T, 3), in kg m^2/s; `loads` (T, 3), |d'|^2, g . d and
     the force at the tip along the rod; `error`, an `Errors` or None; `steps`, how many were taken; `ended`, whether the run
-    reached its end, not pressed to nothing on the way.  `states` holds director, centre and their rates, and as amplitudes
+    reached its end; `lowest`, the least strain at a thousand times on the way.  `states` holds director, centre and their rates, and as amplitudes
     those of the exact rod's modes (T, modes), which `waves` are.
     """
 
@@ -41,6 +41,7 @@ class ContinuumSolution(eqx.Module):
     error: Errors | None
     steps: Array
     ended: Bool[Array, ""]
+    lowest: Float[Array, ""]
     waves: Waves
     system: Any
 
@@ -49,7 +50,7 @@ class ContinuumSolution(eqx.Module):
         """Whether the run reached its end, finite and nowhere pressed together to nothing (strain -1): at the times `ts`, and
         at a thousand between them (at fewer sections)."""
         lowest = jnp.min(jax.vmap(self.waves.strain)(self.states.amplitudes))
-        return self.ended & (lowest > -1)
+        return self.ended & (jnp.minimum(lowest, self.lowest) > -1)
 
     @property
     def angle(self) -> Float[Array, " T"]:
