@@ -29,8 +29,8 @@ class ContinuumSolution(eqx.Module):
 
     `ts` (T,) in s; `energy` (T,) in J; `angular_momentum` (T,), in space (T, 3), in kg m^2/s; `loads` (T, 3), |d'|^2, g . d and
     the force at the tip along the rod; `error`, an `Errors` or None; `steps`, how many were taken; `ended`, whether the run
-    reached its end; `lowest`, the least strain at a thousand times on the way.  `states` holds director, centre and their rates, and as amplitudes
-    those of the exact rod's modes (T, modes), which `waves` are.
+    reached its end; `lowest`, the least strain at a thousand times on the way.  `states` holds director, centre and their rates,
+    and as amplitudes those of the exact rod's modes (T, modes), which `waves` are.
     """
 
     ts: Float[Array, " T"]
