@@ -134,6 +134,8 @@ def growth_note(sol, spin) -> str:
     omega = axial_rate(sol.system)
     if spin <= omega:
         return "bounded"
+    if sol.system.basis.n > 1:  # several exponentials at once
+        return ""
     strain, t = np.asarray(sol.strain, float), np.asarray(sol.ts, float)
     strain, t = strain[np.isfinite(strain)], t[np.isfinite(strain)]
     if t.size < 4:
