@@ -78,11 +78,11 @@ def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     """Error against cost of every way that was measured, a colour for each rung; pale what another beats in both."""
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axis = figure.subplots()
-    # Of one colour in every picture: a rung and the one that stands for it where a force acts at the tip.
-    colors = {named(basis): k for k, basis in enumerate(RUNGS)}
-    colors |= {f"ForceRitz({basis.n})": k for k, basis in enumerate(RUNGS) if isinstance(basis, LoadRitz)}
+    # Of one colour in every picture; paler the one that is tried beside it where a force acts at the tip.
+    colors = {named(basis): 2 * k for k, basis in enumerate(RUNGS)}
+    colors |= {f"ForceRitz({basis.n})": 2 * k + 1 for k, basis in enumerate(RUNGS) if isinstance(basis, LoadRitz)}
     front, seen = set(found.front), {row.rung for row in found.rows}
-    for rung, color in ((rung, colormaps["tab10"](k)) for rung, k in colors.items() if rung in seen):
+    for rung, color in ((rung, colormaps["tab20"](k)) for rung, k in colors.items() if rung in seen):
         for pale in (True, False):
             rows = [row for row in found.rows if row.rung == rung and (row not in front) == pale and row.error > 0]
             axis.scatter(
