@@ -263,7 +263,7 @@ def main() -> None:
     arguments = parser.parse_args()
     rng, began = np.random.default_rng(arguments.seed), time.perf_counter()
     kinds = [kind for kind in KINDS if arguments.kinds in str(kind)]
-    each, rows, totals = -(-arguments.scenes // len(kinds)), [], {name: [0, 0] for name in PROMISE}
+    each, rows, totals = -(-arguments.scenes // len(kinds)), [], {name: [0, 0, 0] for name in PROMISE}
     for kind in kinds:
         p = draw(kind, each, rng)
         out = look(kind, p)
@@ -271,7 +271,9 @@ def main() -> None:
         for name, found in out.items():
             seen = verdict(name, found)
             counts = {code: int(np.sum(found["result"] == getattr(Result, code))) for code in CODES}
-            totals[name] = [a + int(seen[what].sum()) for a, what in zip(totals[name], ("wrong", "ok"), strict=True)]
+            open_ = seen["beyond"] | seen["unjudged"]
+            parts = (seen["wrong"], seen["ok"], open_)
+            totals[name] = [a + int(part.sum()) for a, part in zip(totals[name], parts, strict=True)]
             kept = np.where(seen["ok"] & ~seen["beyond"] & ~seen["unjudged"], seen["margin"], 0.0)
             rows.append(
                 [str(kind), name, *(f"{counts[code]}" for code in CODES), f"{seen['unjudged'].sum()}", f"{seen['beyond'].sum()}",
@@ -292,7 +294,10 @@ def main() -> None:
                 "each kind, each against half the step in float64; what is drawn and what counts as wrong is said in the "
                 "script.  The largest error is over the promise, of scenes that end ok within their horizon.  Silently wrong in "
                 "all: "
-                + ", ".join(f"{wrong} of {ok:,} that end ok in {name}" for name, (wrong, ok) in totals.items())
+                + ", ".join(
+                    f"{wrong} of {ok:,} that end ok in {name} ({open_:,} of these beyond their horizon or unjudged)"
+                    for name, (wrong, ok, open_) in totals.items()
+                )
                 + ".",
                 "",
                 report.table(
