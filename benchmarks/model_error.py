@@ -205,11 +205,8 @@ def picture(points, path):
     forms foretell of a sudden start."""
     figure = Figure(figsize=(6.4, 4.4), layout="constrained")
     axes, slopes = figure.subplots(), []
-    delta, angle, fitted = (
-        points[:, 0],
-        points[:, 1],
-        slice(1, 4),
-    )  # beyond: no limit, a bounded part
+    delta, angle = points[:, 0], points[:, 1]
+    fitted = slice(1, 4)  # beyond: no limit, a bounded part
     looks = (
         (2, "rigid", "#1f5fa8", "o"), (3, "quasi-static, same momentum", "#d9661f", "o"),
         (5, "rigid, started steadily", "#1f5fa8", "^"), (6, "quasi-static, started steadily", "#d9661f", "^"),

@@ -42,8 +42,7 @@ def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
         raise ValueError(f"the scene is traced; {instead}.")
     if jnp.result_type(float) != jnp.float64:
         raise ValueError("the exact rod needs float64: call jaxrod.configure() before anything else of JAX.")
-    if not isinstance(static, bool | np.bool_):
-        raise ValueError(f"static={static!r} must be True or False.")
+    checks.switch("static", static)
 
 
 def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | None) -> None:

@@ -96,26 +96,28 @@ class Budget(eqx.Module):
 
 
 class FinerRuns(NamedTuple):
-    """What a `solution` is held against: the same scene by finer steps, from a start beside, and with more shapes, of which
-    there are `few` and `many`; a `Lumped` body has no more."""
+    """What a `solution` is held against: the same scene by finer steps, from a start beside, and with more shapes, twice; a
+    `Lumped` body has no more."""
 
     solution: Solution
     finer: Solution
     aside: Solution
     richer: tuple[Solution, Solution] | None
-    few: int
-    many: int
 
 
 def finer_runs(system: System, start: State, solution: Solution, run: Callable[..., Solution]) -> FinerRuns:
     """`run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance."""
     name = jnp.dtype(start.direction.dtype).name
     finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, NUDGE[name]))
-    few, many = (max(least, system.basis.n + further) for least, further in _SHAPES)
     if not isinstance(system.rod, Rod):
-        return FinerRuns(solution, finer, aside, None, few, many)
-    less, more = (run(*on_rung(system, start, richer(system)(k)), _TOLERANCE[name]) for k in (few, many))
-    return FinerRuns(solution, finer, aside, (less, more), few, many)
+        return FinerRuns(solution, finer, aside, None)
+    less, more = (run(*on_rung(system, start, richer(system)(n)), _TOLERANCE[name]) for n in _more_shapes(system))
+    return FinerRuns(solution, finer, aside, (less, more))
+
+
+def _more_shapes(system: System) -> tuple[int, ...]:
+    """Of the runs with more of them, the poorer first."""
+    return tuple(max(least, system.basis.n + further) for least, further in _SHAPES)
 
 
 def budget_of(quantity: AbstractQuantity, system: System, solution: Solution, runs: Callable[[], FinerRuns]) -> Budget:
@@ -148,8 +150,9 @@ def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Arra
     model = jnp.zeros_like(value)
     if runs.richer is not None:
         less, more = map(asked, runs.richer)
+        few, many = _more_shapes(system)
         # By both pairs, as either may agree by chance.
-        of_two, of_all = _beyond(runs.few, less, runs.many, more), _beyond(system.basis.n, fine, runs.many, more)
+        of_two, of_all = _beyond(few, less, many, more), _beyond(system.basis.n, fine, many, more)
         model = jnp.abs(fine - more) + jnp.maximum(of_two, of_all)
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
     return (model, step, rounding), lost

@@ -143,6 +143,12 @@ def in_type(dtype: Any, tree: Any) -> Any:
     return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
 
 
+def switch(name: str, value: Any) -> None:
+    """Refuse, by `ValueError`, what is not True or False."""
+    if not isinstance(value, bool | np.bool_):
+        raise ValueError(f"{name}={value!r} must be True or False.")
+
+
 def shown(value: Any) -> str:
     """A value as it is written in an error message."""
     array = np.asarray(value)

@@ -148,11 +148,11 @@ class _Search:
     def plan(self) -> Plan:
         truth = self.truth()
         growth, rounding = self.rounding(truth.rung)
-        unit, nearest = self.quantity.unit, _Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf)
+        unit, nearest = f" {self.quantity.unit}".rstrip(), _Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf)
         if math.isinf(growth) and math.isfinite(truth.apart):
             return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
         if not truth.apart <= _FOR_MODEL * self.tolerance:
-            why = f"the answer of {truth.name} is known to {truth.apart:.1e} {unit} at best".replace("  ", " ")
+            why = f"the answer of {truth.name} is known to {truth.apart:.1e}{unit} at best"
             if not math.isfinite(truth.apart):
                 why = f"{truth.name} does not reach the end, or a rung below it"
             if np.isnan(truth.rung.value).any() and bool(truth.rung.fine.ok):
@@ -161,7 +161,7 @@ class _Search:
         if not math.isfinite(rounding):
             return self.planned(nearest, math.inf, False, f"{named(truth.rung.basis)} does not reach the end")
         if not rounding <= _FOR_ROUNDING * self.tolerance:
-            return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e} {unit}")
+            return self.planned(nearest, rounding, False, f"rounding alone grows to {rounding:.1e}{unit}")
         ways, tried = [], []
         for rung in self.rungs(truth):
             known = apart(rung.value, truth.value) + truth.apart
@@ -179,11 +179,10 @@ class _Search:
         if not ways:
             why = "no number of steps was found that reaches it"
             if known > _AT_MOST * self.tolerance:
-                away = f"{named(rung.basis)} is {known:.1e} {unit} from {truth.name}".replace("  ", " ")
-                why = f"{away}, and {_SHAPES[-1]} shapes would not mend it"
+                why = f"{named(rung.basis)} is {known:.1e}{unit} from {truth.name}, and {_SHAPES[-1]} shapes would not mend it"
             return self.planned(nearest._replace(rung=rung), known, False, why)
         way, known = min(ways, key=lambda found: found[0].cost)
-        why = f"{known:.1e} {unit} from {truth.name}{truth.why}".replace("  ", " ")
+        why = f"{known:.1e}{unit} from {truth.name}{truth.why}"
         return self.planned(way, known + way.off + rounding, True, why)
 
     def truth(self) -> _Truth:

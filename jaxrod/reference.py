@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import continuum
-from .force import TipForce
 from .motion import State
 from .quantity import AbstractQuantity, Measured
 from .rod import Rod
@@ -33,9 +32,7 @@ def exact_answer(
 
     **Raises:** `ValueError` where no `static` strain holds the rod.
     """
-    if not isinstance(system.rod, Rod) or (static and not system.rod.linear):
-        return None
-    if len(system.forces) > 1 or not all(isinstance(force, TipForce) for force in system.forces):
+    if not isinstance(system.rod, Rod) or continuum.untaken(system, static):
         return None
     known = quantity.exact(system)
     if known is not None:

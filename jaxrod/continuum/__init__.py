@@ -16,4 +16,5 @@ from .frequencies import spinning_frequencies as spinning_frequencies
 from .frequencies import steady_spin as steady_spin
 from .simulation import converged as converged
 from .simulation import simulate as simulate
+from .simulation import untaken as untaken
 from .solution import ContinuumSolution as ContinuumSolution

@@ -80,8 +80,6 @@ def simulate(
     tolerance = checks.positive("tolerance", tolerance, "radians and strains")
     if checks.fails(lambda x: x >= _LEAST, tolerance):
         raise ValueError(f"tolerance={checks.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
-    if static and not rod.linear:
-        raise ValueError(f"static=True is of Hooke's law; give start its strain, or leave out law={rod.law_name}.")
     t0 = jnp.asarray(checks.number("t0", t0), dtype)
     ts = jnp.asarray(checks.numbers("ts", ts, "times in s"), dtype)
     if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
@@ -145,21 +143,30 @@ def converged(
 
 
 def _check(system: Any, start: State, modes: int, static: bool) -> None:
-    if not isinstance(static, bool | np.bool_):
-        raise ValueError(f"static={static!r} must be True or False.")
+    checks.switch("static", static)
     if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or modes < 2:
         raise ValueError(f"modes={modes!r} must be a whole number of modes, 2 or more.")
+    why = untaken(system, static)
+    if why:
+        raise ValueError(why)
+    if not isinstance(start, State):
+        raise ValueError(f"start={start!r} does not fit; make it by system.state(angle=..., rate=...).")
+    check_start(system.motion, system.basis.n, start)
+
+
+def untaken(system: Any, static: bool) -> str:
+    """Why the exact rod does not take this scene of a `Rod`; empty if it does."""
     for force in system.forces:
         if not isinstance(force, TipForce):
-            raise ValueError(
+            return (
                 f"forces holds {type(force).__name__}(), which the exact rod does not take; leave it out, or give its effect as "
                 "TipForce(...) or Driven(...)."
             )
     if len(system.forces) > 1:
-        raise ValueError(f"forces holds {len(system.forces)} of TipForce; give one that is their sum.")
-    if not isinstance(start, State):
-        raise ValueError(f"start={start!r} does not fit; make it by system.state(angle=..., rate=...).")
-    check_start(system.motion, system.basis.n, start)
+        return f"forces holds {len(system.forces)} of TipForce; give one that is their sum."
+    if static and not system.rod.linear:
+        return f"static=True is of Hooke's law; give start its strain, or leave out law={system.rod.law_name}."
+    return ""
 
 
 class _Run(NamedTuple):
@@ -231,7 +238,7 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
     between = jnp.linspace(0, times[-1], _WATCHES)
 
     def lowest(t, y, args):
-        return jnp.min(waves.strain_at_nodes(dynamics.size * y.a, watched))
+        return jnp.min(waves.strain(dynamics.size * y.a, watched))
 
     raw = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda t, y, args: dynamics(t0 + t / pace, y, args)),

@@ -9,7 +9,7 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..mesh import panel_ends, safe_sqrt
 from ..quadrature import Panels
@@ -64,21 +64,17 @@ class Waves(eqx.Module):
         """Of a field of strain, given at the nodes: omega_k^2 q_k = int N_k strain ds."""
         return (self.panels.ds * strain) @ self.tension / self.omega**2
 
-    def strain(self, q: Float[Array, " n"]) -> Float[Array, " N"]:
-        """Strain at the nodes."""
-        return self._strained(self.tension @ q)
-
-    def strain_at_nodes(self, q: Float[Array, " n"], some: Int[Array, " K"]) -> Float[Array, " K"]:
-        """Strain at some of the nodes."""
-        ds, rigidity = self.panels.ds[some], self.rigidity[some]
-        return (self.tension[some] @ q) * ds / jnp.where(rigidity > 0, rigidity, 1.0)
+    def strain(self, q: Float[Array, " n"], nodes: Any = slice(None)) -> Float[Array, " N"]:
+        """Strain at the nodes, or at some of them."""
+        return self._strained(self.tension[nodes] @ q, nodes)
 
     @property
     def slack_elongation(self) -> Float[Array, "3"]:
         return self.panels.ds @ jax.vmap(self._strained, 1, 1)(self.slack_tension)
 
-    def _strained(self, tension: Float[Array, " N"]) -> Float[Array, " N"]:
-        return tension * self.panels.ds / jnp.where(self.rigidity > 0, self.rigidity, 1.0)
+    def _strained(self, tension: Float[Array, " N"], nodes: Any = slice(None)) -> Float[Array, " N"]:
+        rigidity = self.rigidity[nodes]
+        return tension * self.panels.ds[nodes] / jnp.where(rigidity > 0, rigidity, 1.0)
 
     def tension_at(self, s: Float[Array, " points"]) -> Float[Array, "points n+3"]:
         """Tension in N per amplitude, and per load, at the material coordinates s (m): its polynomial on each panel."""
