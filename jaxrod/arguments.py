@@ -32,12 +32,17 @@ def check_scene(system: Any, start: Any, chart: Any = None) -> None:
         )
 
 
-def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
-    """What is run in many ways, and with float64 beside: a scene whose numbers are there."""
+def check_system(system: Any, start: Any) -> None:
+    """A `System`, no other `Lagrangian`, and a start of it."""
     if not isinstance(system, System):
         raise ValueError(f"system={system!r} is no scene; give a System(rod, motion, basis).")
     check_scene(system, start)
     check_start(system.motion, system.basis.n, start)
+
+
+def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
+    """What is run in many ways, and with float64 beside: a scene whose numbers are there."""
+    check_system(system, start)
     if not all(map(checks.known, jax.tree.leaves((system, start)))):
         raise ValueError(f"the scene is traced; {instead}.")
     if jnp.result_type(float) != jnp.float64:

@@ -6,9 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import checks, statics
+from . import arguments, checks, statics
 from .chart import Local
-from .motion import Driven, State, check_start
+from .motion import Driven, State
 from .result import Result
 from .simulation import simulate
 from .system import System
@@ -65,9 +65,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
     >>> print(jaxrod.horizon(system, start, t1=60.0, tolerance=1e-6).time.round(0))
     36.0
     """
-    if not isinstance(system, System) or not isinstance(start, State):
-        raise ValueError(f"system={system!r}, start={start!r}: give a System and a state of it, system.state(...).")
-    check_start(system.motion, system.basis.n, start)
+    arguments.check_system(system, start)
     t1 = checks.positive("t1", t1, "s")
     tolerance = checks.positive("tolerance", tolerance, "lengths of the rod")
     distance = checks.positive("distance", distance, "rad and strain")
