@@ -12,6 +12,7 @@ by chance alone.
 """
 
 import dataclasses
+import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -105,8 +106,31 @@ class FinerRuns(NamedTuple):
     richer: tuple[Solution, Solution] | None
 
 
+def budgets(
+    quantities: list[AbstractQuantity], system: System, start: State, solution: Solution,
+    run: Callable[..., Solution], own_times: Callable[[AbstractQuantity], Array | None],
+) -> tuple[Budget, ...]:  # fmt: skip
+    """The error of each quantity of `solution`; they share the runs that tell it, but those that are saved at times of their own.
+
+    `run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance;
+    `times=` are in place of those that `solution` saved.
+    """
+    shared = functools.cache(lambda: finer_runs(system, start, solution, run))
+
+    def told(quantity):
+        times = own_times(quantity)
+        if times is None:
+            return budget_of(quantity, system, solution, shared)
+        own = functools.partial(run, times=times)
+        return budget_of(
+            quantity, system, solution, functools.cache(lambda: finer_runs(system, start, own(system, start), own))
+        )
+
+    return tuple(told(quantity) for quantity in quantities)
+
+
 def finer_runs(system: System, start: State, solution: Solution, run: Callable[..., Solution]) -> FinerRuns:
-    """`run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance."""
+    """By `run`, as `budgets` has it."""
     name = jnp.dtype(start.direction.dtype).name
     finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, NUDGE[name]))
     if not isinstance(system.rod, Rod):

@@ -19,7 +19,8 @@ class Plan(eqx.Module):
 
     `met`: whether there is such a way; `basis`, `solver`, `dtype`, and `step` in s or, of a solver that adapts its steps,
     `tolerance`: that way, or the nearest to it; `n_steps` for the planned time; `error`: the error that is to be expected, in
-    the quantity's `unit`; `cost`: computing time in s of one scene of a sweep, on one core; `why`, a sentence.
+    the quantity's `unit`; `cost`: computing time in s of one scene of a sweep, on one core of the machine that
+    `benchmarks/calibration.py` was last run on; `why`, a sentence.
 
     `simulate(system, start, tolerance=plan)` follows it, in other scenes too: these take as many steps to an axial period.
     """

@@ -69,17 +69,17 @@ def integrate(
         margin = _Margin.of(system, equations)
     given_steps = n_steps is not None or (dt0 is not None and stepsize_controller is None)
     if n_steps is not None:
-        stepsize_controller = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
-    elif stepsize_controller is None and dt0 is not None:
-        stepsize_controller = diffrax.ConstantStepSize()
+        steps = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
+    elif given_steps:
+        steps = diffrax.ConstantStepSize()
     elif stepsize_controller is None:
-        stepsize_controller = _adaptive(system, start, y0, t1 - t0, atol, t0, longest)
-        if ts is not None:  # what is saved is the end of a step: interpolation would cost digits at tight tolerances
-            stepsize_controller = diffrax.ClipStepSizeController(stepsize_controller, step_ts=ts)
+        steps = _adaptive(system, start, y0, t0, t1, ts, atol, longest)
+    else:
+        steps = stepsize_controller
 
     raw: Any = diffrax.diffeqsolve(
         terms, Tracking(solver), t0, t1, dt0, y0,
-        saveat=_saveat(saveat, ts, decode), stepsize_controller=stepsize_controller, adjoint=adjoint,
+        saveat=_saveat(saveat, ts, decode), stepsize_controller=steps, adjoint=adjoint,
         event=_events(event, decode, margin, t1.dtype), max_steps=max_steps, throw=False,
         progress_meter=progress_meter,
     )  # fmt: skip
@@ -165,8 +165,15 @@ class _NaturalNorm(eqx.Module):
         return jnp.sqrt(jnp.mean(squares))
 
 
-def _adaptive(system, start, y0, duration, atol, t0, longest) -> diffrax.PIDController:
-    """`longest`: a step in s, or None."""
+def _adaptive(system, start, y0, t0, t1, ts, atol, longest) -> diffrax.AbstractStepSizeController:
+    """Steps by their error, the longest of them `longest` s where it is given; of what is saved each ends one."""
+    by_error = _by_error(system, start, y0, t0, t1 - t0, atol, longest)
+    if ts is None:
+        return by_error
+    return diffrax.ClipStepSizeController(by_error, step_ts=ts)  # interpolation would cost digits at tight tolerances
+
+
+def _by_error(system, start, y0, t0, duration, atol, longest) -> diffrax.PIDController:
     if isinstance(system, Lagrangian):
         return diffrax.PIDController(rtol=atol, atol=atol, dtmin=_least_step(duration), force_dtmin=False)
     weight = jnp.ones_like(y0.phase.q)

@@ -7,7 +7,6 @@ top, 6e-7 for each radian turned; after a hundred turns, as the rounding of the 
 """
 
 import dataclasses
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -19,7 +18,7 @@ import numpy as np
 from jaxtyping import Array
 
 from . import arguments, checks
-from .budget import budget_of, finer_runs
+from .budget import budgets
 from .chart import AbstractChart
 from .checks import in_type
 from .choice import Plan
@@ -121,25 +120,7 @@ def simulate(
     if tolerance is not None and given:
         raise ValueError(f"tolerance={tolerance} chooses solver and steps itself; leave out {', '.join(given)}.")
     asked = arguments.checked_tolerance(tolerance, dtype)
-    several = isinstance(budget, list | tuple)
-    quantities = [as_quantity(each) for each in budget] if several else [as_quantity(budget)]
-
-    def adapt(solver, why, longest=None):
-        atol = jnp.maximum(_LOCAL * asked, _LEAST_LOCAL[asked.dtype.name])
-        fitting = None if isinstance(solver, AbstractSymplectic) else chart
-        if isinstance(system, System) and fitting is None and not isinstance(solver, AbstractSymplectic):
-            fitting = default_chart(system)
-        if isinstance(system, System) and fitting is not None:
-            system.check_chart(fitting)
-        return _explained(
-            integrate(
-                system, start, fitting, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event,
-                diffrax.RecursiveCheckpointAdjoint() if adjoint is None or isinstance(adjoint, Reversible) else adjoint,
-                diffrax.NoProgressMeter() if progress_meter is None else progress_meter,
-                max_steps, longest,
-            ),
-            why,
-        )  # fmt: skip
+    quantities = [as_quantity(each) for each in (budget if isinstance(budget, list | tuple) else [budget])]
 
     # Equal steps from save time to save time need nothing of Diffrax; what does goes through Diffrax.
     plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
@@ -148,12 +129,7 @@ def simulate(
     hidden = isinstance(system, System) and checks.closes_over_traced((system.forces, system.motion))
     hidden = hidden and not isinstance(adjoint, diffrax.ForwardMode)
     plain = plain and not hidden
-    best, why = best_solver(system)
-    if solver is None and not (plain and chart is None):
-        best, why = diffrax.Dopri8(), "adaptive, as a chart, steps, saveat, event, adjoint or meter was given"
-        if hidden:
-            why = "adaptive, as a function of the scene closes over a traced number; hold it in an eqx.Module"
-    chosen, why = (best, why) if solver is None else (solver, "as given")
+    chosen, why = _chosen(system, solver, plain and chart is None, hidden)
     arguments.check_steps(chosen, stepsize_controller, dt0, n_steps, plain)
     if isinstance(chosen, AbstractSymplectic):
         arguments.check_split(system, chosen, chart)
@@ -165,6 +141,18 @@ def simulate(
     equal = plain and (by_equal_steps(chosen) or unrolled)
     if n_steps is not None and not equal and not checks.known(n_steps):
         raise ValueError("n_steps= is traced, which only symplectic solvers and Unrolled() take; give a known number.")
+
+    def through_diffrax(solver, why, longest=None):
+        solution = integrate(
+            system, start, _fitting(system, chart, solver), t0, t1, ts,
+            jnp.maximum(_LOCAL * asked, _LEAST_LOCAL[asked.dtype.name]),
+            solver, stepsize_controller, dt0, n_steps, saveat, event,
+            diffrax.RecursiveCheckpointAdjoint() if adjoint is None or isinstance(adjoint, Reversible) else adjoint,
+            diffrax.NoProgressMeter() if progress_meter is None else progress_meter,
+            max_steps, longest,
+        )  # fmt: skip
+        return _explained(solution, why)
+
     if equal:
         solution = _explained(_step(system, start, t0, t1, ts, chosen, n_steps, asked, max_steps, adjoint), why)
         failed = checks.fails(lambda ok: ok, solution.ok)
@@ -172,9 +160,9 @@ def simulate(
             # Steps that adapt may pass over a load that equal ones met: they are to look as closely.
             longest = None if isinstance(system, System) and is_closed(system) else solution.stats["step"] / _CLOSER
             why = f"adaptive, as equal steps ended with: {Result[solution.result]}"
-            solution = adapt(diffrax.Dopri8(), why, longest)
+            solution = through_diffrax(diffrax.Dopri8(), why, longest)
     else:
-        solution = adapt(chosen, why)
+        solution = through_diffrax(chosen, why)
     if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     if budget is not None:
@@ -185,25 +173,18 @@ def simulate(
 
         same = {"t0": t0, "event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
         alike = {"tolerance": tolerance, "chart": chart, **step_keywords}
-        asked_times = {"t1": t1, "saveat": saveat} if ts is None else {"ts": ts}
+        saved = {"t1": t1, "saveat": saveat} if ts is None else {"ts": ts}
 
-        def finer(solution, times):
-            def run(system, start, least=None):
-                return simulate(system, start, **times, **same, **(alike if least is None else {"tolerance": least}))
+        def run(system, start, least=None, times=None):
+            how = alike if least is None else {"tolerance": least}
+            return simulate(system, start, **(saved if times is None else {"ts": times}), **same, **how)
 
-            return finer_runs(system, start, run(system, start) if solution is None else solution, run)
-
-        shared = functools.cache(lambda: finer(solution, asked_times))
-
-        def budget_for(quantity):
+        def own_times(quantity):  # a run of its own for what looks at more than the end that is saved
             looked = quantity.times(t0, t1)
-            if ts is None and saveat is None and looked.size > 1:  # a run of its own, saved when it asks for it
-                times = {"ts": looked.astype(dtype)}
-                return budget_of(quantity, system, solution, functools.cache(lambda: finer(None, times)))
-            return budget_of(quantity, system, solution, shared)
+            return looked.astype(dtype) if ts is None and saveat is None and looked.size > 1 else None
 
-        found = tuple(budget_for(quantity) for quantity in quantities)
-        solution = dataclasses.replace(solution, budget=found if several else found[0])
+        found = budgets(quantities, system, start, solution, run, own_times)
+        solution = dataclasses.replace(solution, budget=found if isinstance(budget, list | tuple) else found[0])
     return solution
 
 
@@ -243,6 +224,29 @@ class Reason(str):
     @classmethod
     def tree_unflatten(cls, sentence, _):
         return cls(sentence)
+
+
+def _chosen(system, solver, plain: bool, hidden: bool) -> tuple[Any, str]:
+    """The solver, and why it is taken."""
+    if solver is not None:
+        return solver, "as given"
+    if hidden:
+        return (
+            diffrax.Dopri8(),
+            "adaptive, as a function of the scene closes over a traced number; hold it in an eqx.Module",
+        )
+    if not plain:
+        return diffrax.Dopri8(), "adaptive, as a chart, steps, saveat, event, adjoint or meter was given"
+    return best_solver(system)
+
+
+def _fitting(system, chart: AbstractChart | None, solver) -> AbstractChart | None:
+    """The chart in which Diffrax runs a scene; symplectic solvers and a `Lagrangian` have their own coordinates."""
+    if isinstance(solver, AbstractSymplectic) or not isinstance(system, System):
+        return None
+    chart = default_chart(system) if chart is None else chart
+    system.check_chart(chart)
+    return chart
 
 
 def _explained(solution: Solution, why: str) -> Solution:

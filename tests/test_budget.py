@@ -154,9 +154,9 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
 @pytest.mark.slow
 def test_several_quantities_share_their_runs(cone, monkeypatch):
     """Each has the budget that it has alone; the finer runs are made once, and not for what is known without them."""
-    made, real = [], sys.modules["jaxrod.simulation"].finer_runs
+    made, real = [], sys.modules["jaxrod.budget"].finer_runs
     monkeypatch.setattr(
-        sys.modules["jaxrod.simulation"], "finer_runs", lambda *given: [made.append(given), real(*given)][1]
+        sys.modules["jaxrod.budget"], "finer_runs", lambda *given: [made.append(given), real(*given)][1]
     )
     system, start = _scene(cone, jaxrod.Ritz(1))
 
