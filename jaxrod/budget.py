@@ -167,7 +167,7 @@ def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Arra
         return jnp.where(_ended(run, solution), quantity(run), jnp.nan)
 
     fine, value = asked(runs.finer), jnp.where(_ended(solution, runs.finer), value, jnp.nan)
-    lost = part(solution, runs.finer) | part(solution, runs.aside)
+    lost = parted(solution, runs.finer) | parted(solution, runs.aside)
     moved = jnp.abs(asked(runs.aside) - value) / NUDGE[solution.ts.dtype.name]
     steps = jnp.sqrt(1.0 + solution.stats["num_steps"])
     rounding = jnp.finfo(value.dtype).eps * steps * (moved + jnp.abs(value))
@@ -192,7 +192,7 @@ def _strain(system: System, solution: Solution) -> Float[Array, ""] | None:
     return jnp.nanmax(jnp.abs(system.body.field(solution.states.amplitudes)))
 
 
-def part(one: Solution, other: Solution) -> Bool[Array, ""]:
+def parted(one: Solution, other: Solution) -> Bool[Array, ""]:
     """Whether two runs point elsewhere at a time that both saved."""
     if not (isinstance(one.states, State) and isinstance(other.states, State) and one.ts.shape == other.ts.shape):
         return jnp.asarray(False)

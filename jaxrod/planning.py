@@ -20,7 +20,7 @@ import numpy as np
 
 from . import arguments, checks, continuum, cost
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
-from .budget import NUDGE, nudged, part
+from .budget import NUDGE, nudged, parted
 from .checks import in_type
 from .choice import Plan, axial_rate, named
 from .defaults import by_equal_steps, solvers
@@ -216,7 +216,7 @@ class _Search:
         nudge = NUDGE["float64"]
         finest = self.simulated(rung.system, rung.start, tolerance=_FINEST)
         aside = self.simulated(rung.system, nudged(rung.start, nudge), tolerance=_FINE)
-        if bool(part(rung.fine, finest) | part(rung.fine, aside)):
+        if bool(parted(rung.fine, finest) | parted(rung.fine, aside)):
             return math.inf, math.inf
         moved = apart(self.asked(aside), rung.value) / nudge + float(np.max(np.abs(rung.value)))
         growth = math.sqrt(1 + rung.fine_steps) * moved
