@@ -1,12 +1,16 @@
 """Are plans kept?  Random scenes, each planned for several tolerances, against a search of everything.
 
-    python benchmarks/plan_coverage.py --scenes 200 --seed 2
+    python benchmarks/plan_coverage.py [coverage | beyond | refusals] --scenes 200 --seed 2
 
 Kept: the planned run's error, from the exact rod with 256 modes, is no larger than the tolerance.  Cheapest: over all rungs to
 24 shapes, solvers, float types and step counts (in factors of 1.6), stages x measured time of a stage, and what a scene takes
 besides.  What meets a tolerance by luck does not count: a rung whose own error is beyond it, or that of a richer one, and
 steps before which fewer were worse than their order explains.  Nothing is timed, so programs are compiled without
-optimisation.  Writes the part "coverage" of docs/accuracy_of_plans.md.
+optimisation.
+
+"coverage" draws scenes of all motions and searches the rungs that `plan` tries; "beyond" searches others besides.  "refusals"
+draws rods that are let go, most of which are refused at the least tolerance, and searches for those alone.  Each writes its
+part of docs/accuracy_of_plans.md.
 """
 
 import argparse
@@ -44,6 +48,7 @@ RUNGS = [
     jaxrod.Ritz(0), jaxrod.QuasiStatic(jaxrod.LoadRitz(2)), jaxrod.Ritz(1), jaxrod.ForceRitz(1),
     *(jaxrod.LoadRitz(n) for n in (2, 3, 4, 6, 9, 12, 16, 24)),
 ]  # fmt: skip
+OTHERS = [*(jaxrod.Ritz(n) for n in (2, 3, 4)), *(jaxrod.ForceRitz(n) for n in (2, 3, 4))]
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "accuracy_of_plans.md"
 MAPS = pathlib.Path("/proc/self/maps")
 SOLVED = 1 / 3  # of a tolerance: the truth must be known better
@@ -59,8 +64,8 @@ class Drawn(NamedTuple):
     quantity: Any
 
 
-def drawn(kind: str, index: int, seed: int) -> Drawn:
-    """Stiff and soft cones, from a thousandth to a third of their critical spin, one to two hundred axial periods; one in four is
+def drawn(kind: str, index: int, seed: int, released: float = 0.25) -> Drawn:
+    """Stiff and soft cones, from a thousandth to a third of their critical spin, one to two hundred axial periods; a part of them
     let go from a stretch."""
     rng = np.random.default_rng((seed, KINDS.index(kind), index))
     ends = (jaxrod.FinalTip(), jaxrod.FinalAngle())
@@ -76,7 +81,7 @@ def drawn(kind: str, index: int, seed: int) -> Drawn:
     motion = {"rotation": jaxrod.Rotation(), "spherical": jaxrod.Spherical(), "flight": jaxrod.Flight()}[kind]
     system = jaxrod.System(rod, motion, jaxrod.Ritz(1), gravity)
     more = {"azimuth_rate": spin * rng.uniform(0, 1)} if kind == "spherical" else {}
-    stretched = 0.01 * (rng.uniform() < 0.25)
+    stretched = 0.01 * (rng.uniform() < released)
     return Drawn(
         kind, system, system.state(angle=rng.uniform(-1, 1), rate=spin, strain=stretched, **more), t1, quantity
     )
@@ -96,19 +101,20 @@ def exact(scene: Drawn, modes: int) -> np.ndarray:
     return np.asarray(scene.quantity(run), float)
 
 
-def cheapest(scene: Drawn, truth) -> dict[float, float]:
+def cheapest(scene: Drawn, truth, tolerances: tuple, others: list) -> dict[float, float]:
     """Of all ways, for each tolerance the least cost in s; inf where none does."""
-    best = dict.fromkeys(TOLERANCES, np.inf)
+    best = dict.fromkeys(tolerances, np.inf)
     rungs = []
-    for basis in RUNGS:
+    for basis in RUNGS + others:
         if scene.kind == "driven" and (isinstance(basis, jaxrod.QuasiStatic) or basis.n == 0):
             continue
         here = on_rung(scene.system, scene.start, basis)
         fine, fine_steps = value(scene, *here, tolerance=1e-11)
-        rungs.append((here, fine_steps, apart(fine, truth)))
-    for k, (here, fine_steps, own) in enumerate(rungs):
-        surest = max([own, *(error for (system, _), _, error in rungs[k:] if system.basis.n > 1)])
-        within = [tolerance for tolerance in TOLERANCES if surest <= tolerance]
+        rungs.append((basis, here, fine_steps, apart(fine, truth)))
+    for k, (basis, here, fine_steps, own) in enumerate(rungs):
+        family = [type(basis)] if basis in others else [jaxrod.QuasiStatic, jaxrod.LoadRitz]
+        surest = max([own, *(error for richer, *_, error in rungs[k:] if type(richer) in family)])
+        within = [tolerance for tolerance in tolerances if surest <= tolerance]
         if not within:
             continue
         for dtype in ("float64", "float32"):
@@ -145,7 +151,8 @@ def search(scene: Drawn, here: tuple, solver, fine_steps: float, truth, within: 
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("part", nargs="?", default="coverage", choices=WRITERS)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=2)
     parser.add_argument("--minutes", type=float, default=math.inf, help="of each kind draw no more after so many")
@@ -154,58 +161,104 @@ def main() -> None:
     pool = concurrent.futures.ProcessPoolExecutor(
         mp_context=multiprocessing.get_context("spawn"), max_tasks_per_child=1
     )
+    kinds = KINDS[:3] if arguments.part == "refusals" else KINDS  # driven rods begin at rest
     with pool:
-        found = [*itertools.chain(*pool.map(looked_at, KINDS, itertools.repeat(arguments)))]
-    write(found, arguments)
+        found = [
+            *itertools.chain(*pool.map(looked_at, kinds, itertools.repeat(arguments), itertools.repeat(len(kinds))))
+        ]
+    WRITERS[arguments.part](found, arguments)
 
 
-def looked_at(kind: str, arguments) -> list[tuple]:
+class Looked(NamedTuple):
+    """A plan, its true error, and the least cost of all; NaN where that was not searched for."""
+
+    kind: str
+    tolerance: float
+    met: bool
+    cost: float
+    error: float
+    least: float
+
+
+def looked_at(kind: str, arguments, kinds: int) -> list[Looked]:
     """Of each scene of a kind and each tolerance the plan, its true error and the least cost."""
+    refusals = arguments.part == "refusals"
+    tolerances, released = (TOLERANCES[-1:], 1.0) if refusals else (TOLERANCES, 0.25)
+    others = OTHERS if arguments.part == "beyond" else []
     found, begun = [], time.monotonic()
-    for index in tqdm(range(-(-arguments.scenes // len(KINDS))), kind, unit=" scenes", position=KINDS.index(kind)):
+    for index in tqdm(range(-(-arguments.scenes // kinds)), kind, unit=" scenes", position=KINDS.index(kind)):
         if time.monotonic() - begun > 60 * arguments.minutes:
             break
-        scene = drawn(kind, index, arguments.seed)
+        scene = drawn(kind, index, arguments.seed, released)
         truth, check = exact(scene, MODES), exact(scene, MODES // 2)
-        least = None
-        for tolerance in TOLERANCES:
+        searched = None
+        for tolerance in tolerances:
             if apart(truth, check) > SOLVED * tolerance:
                 continue  # it cannot be told
-            least = cheapest(scene, truth) if least is None else least
             plan = jaxrod.plan(scene.system, scene.start, t1=scene.t1, tolerance=tolerance, quantity=scene.quantity)
+            if not (refusals and plan.met):
+                searched = cheapest(scene, truth, tolerances, others) if searched is None else searched
+            least = np.nan if searched is None else searched[tolerance]
             error = apart(value(scene, scene.system, scene.start, tolerance=plan)[0], truth) if plan.met else np.nan
-            found.append((kind, tolerance, plan.met, plan.cost, error, least[tolerance]))
-            broken = plan.met and not (error <= tolerance and plan.cost <= 3 * least[tolerance])
-            if broken or (not plan.met and np.isfinite(least[tolerance])):
-                tqdm.write(f"{index} {kind} error {error:.1e}, least {1e6 * least[tolerance]:.3g} us: {plan}")
+            found.append(Looked(kind, tolerance, plan.met, plan.cost, error, least))
+            broken = plan.met and not (error <= tolerance and not plan.cost > 3 * least)
+            if broken or (not plan.met and np.isfinite(least)):
+                tqdm.write(f"{index} {kind} error {error:.1e}, least {1e6 * least:.3g} us: {plan}")
         if MAPS.exists() and MAPS.read_bytes().count(b"\n") > 55_000:
             jax.clear_caches()  # compiled programs are memory maps, of which there are 65,530
     return found
 
 
-def write(found: list, arguments) -> None:
-    rows = []
-    groups = [("all", found)]
-    groups += [(kind, [x for x in found if x[0] == kind]) for kind in KINDS]
-    groups += [(f"{tolerance:.0e}", [x for x in found if x[1] == tolerance]) for tolerance in TOLERANCES]
-    for name, group in groups:
-        met = [x for x in group if x[2]]
-        unmet = [x for x in group if not x[2]]
-        kept = sum(error <= tolerance for _, tolerance, *_, error, _ in met)
-        cheap = sum(spent <= 3 * least < np.inf for *_, spent, _, least in met)
-        right = sum(not np.isfinite(least) for *_, least in unmet)
-        ratios = [spent / least for *_, spent, _, least in met if np.isfinite(least)]
-        rows.append([
-            name, str(len(group)), share(kept, len(met)), share(cheap, len(met)),
-            f"{np.median(ratios):.2f}, {max(ratios):.1f}" if ratios else "-", share(right, len(unmet)),
-        ])  # fmt: skip
-    head = (
-        f"## Plans for random scenes\n\n`python benchmarks/plan_coverage.py --scenes {arguments.scenes} --seed "
-        f"{arguments.seed}`: scenes of all motions, for 1e-2, 1e-4 and 1e-6 of tip, angle or (driven) largest strain. "
-        "The error is from the exact rod with 256 modes, the cheapest from a search of all rungs, solvers, types and step "
-        "counts.  Left out is what half the modes change by more than a third of the tolerance."
-        "\n\n"
+def coverage(found: list[Looked], arguments) -> None:
+    text = (
+        f"## Plans for random scenes\n\n`{said(arguments)}`: scenes of all motions, for 1e-2, 1e-4 and 1e-6 of tip, angle or "
+        "(driven) largest strain. The error is from the exact rod with 256 modes, the cheapest from a search of the rungs that "
+        "`plan` tries, all solvers, types and step counts.  Left out is what half the modes change by more than a third of the "
+        "tolerance."
     )
+    report.write("coverage", f"{text}\n\n{rows(found)}", PAGE)
+
+
+def beyond(found: list[Looked], arguments) -> None:
+    text = (
+        f"## Against rungs that are not tried\n\n`{said(arguments)}`: the same, but the cheapest is sought among polynomials of "
+        "strain and of force (2, 3, 4 of `Ritz` and `ForceRitz`) as well."
+    )
+    report.write("beyond", f"{text}\n\n{rows(found)}", PAGE)
+
+
+def refusals(found: list[Looked], arguments) -> None:
+    text = (
+        f"## Refusals\n\n`{said(arguments)}`: rods let go from a stretch, for 1e-6 of tip or angle, which few rungs reach. A "
+        "refusal is right where the search of the rungs that `plan` tries finds none either."
+    )
+    columns = ["scenes", "plans", "kept of the promised", "rightly refused"]
+    lines = [
+        [name, str(len(group)), kept(group), refused(group)]
+        for name, group in [("all", found), *((kind, [x for x in found if x.kind == kind]) for kind in KINDS[:3])]
+    ]
+    report.write("refusals", f"{text}\n\n{report.table(columns, lines)}", PAGE)
+
+
+WRITERS = {"coverage": coverage, "beyond": beyond, "refusals": refusals}
+
+
+def said(arguments) -> str:
+    part = "" if arguments.part == "coverage" else f" {arguments.part}"
+    return f"python benchmarks/plan_coverage.py{part} --scenes {arguments.scenes} --seed {arguments.seed}"
+
+
+def rows(found: list[Looked]) -> str:
+    lines = []
+    groups = [("all", found)]
+    groups += [(kind, [x for x in found if x.kind == kind]) for kind in KINDS]
+    groups += [(f"{tolerance:.0e}", [x for x in found if x.tolerance == tolerance]) for tolerance in TOLERANCES]
+    for name, group in groups:
+        met = [x for x in group if x.met]
+        cheap = sum(x.cost <= 3 * x.least < np.inf for x in met)
+        ratios = [x.cost / x.least for x in met if np.isfinite(x.least)]
+        spread = f"{np.median(ratios):.2f}, {max(ratios):.1f}" if ratios else "-"
+        lines.append([name, str(len(group)), kept(group), share(cheap, len(met)), spread, refused(group)])
     columns = [
         "scenes",
         "plans",
@@ -214,7 +267,17 @@ def write(found: list, arguments) -> None:
         "cost over it: median, most",
         "rightly refused",
     ]
-    report.write("coverage", head + report.table(columns, rows), PAGE)
+    return report.table(columns, lines)
+
+
+def kept(group: list[Looked]) -> str:
+    met = [x for x in group if x.met]
+    return share(sum(x.error <= x.tolerance for x in met), len(met))
+
+
+def refused(group: list[Looked]) -> str:
+    unmet = [x for x in group if not x.met]
+    return share(sum(not np.isfinite(x.least) for x in unmet), len(unmet))
 
 
 def share(part: int, whole: int) -> str:

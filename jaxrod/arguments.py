@@ -13,6 +13,7 @@ from .chart import AbstractChart
 from .lagrangian import Lagrangian
 from .motion import Driven, State, check_start
 from .multistep import AbstractMultistep
+from .rod import Rod
 from .stepping import LEAST_TOLERANCE
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
@@ -48,6 +49,10 @@ def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
     if jnp.result_type(float) != jnp.float64:
         raise ValueError("the exact rod needs float64: call jaxrod.configure() before anything else of JAX.")
     checks.switch("static", static)
+    if static and isinstance(system.rod, Rod) and not system.rod.linear:
+        raise ValueError(
+            f"static=True is of Hooke's law; give start its strain (jaxrod.equilibrium), or leave out law={system.rod.law_name}."
+        )
 
 
 def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | None) -> None:

@@ -52,14 +52,14 @@ class Plan(eqx.Module):
             f"error {self.error:.1e}{unit}, {1e6 * self.cost:.3g} us of one core a scene; {self.why}"
         )
 
-    def applied(self, system: System, start: State) -> tuple[System, State]:
-        """The scene and its start on this plan's rung, in its float type.
+    def applied(self, system: System, start: State, t0: Any = 0.0) -> tuple[System, State]:
+        """The scene and its start, at t0 in s, on this plan's rung, in its float type.
 
         **Raises:** `ValueError` if the plan says that the tolerance cannot be met.
         """
         if not self.met:
             raise ValueError(f"tolerance={self}; plan with a larger tolerance.")
-        return in_type(self.dtype, brought(system, start, self.basis, self.static))
+        return in_type(self.dtype, brought(system, start, self.basis, self.static, t0))
 
     def steps(self, system: System, start: State, t0, t1) -> dict[str, Any]:
         """The keywords of `simulate` for solver and steps of a run from t0 to t1, of a scene on this plan's rung."""

@@ -13,7 +13,7 @@ from .equations import Condensed
 from .force import KelvinVoigt, PivotFriction, ShakenBase, Torque
 from .load_basis import LoadRitz
 from .motion import Driven, State
-from .rod import Lumped
+from .rod import Lumped, Rod
 from .system import System
 
 _ORDER = 24  # nodes for each panel
@@ -24,6 +24,11 @@ def richer(system: System) -> type[AbstractBasis]:
     a force there, as load-dependent ones have no tension at a free tip."""
     along = all(isinstance(force, Torque | PivotFriction | KelvinVoigt | ShakenBase) for force in system.forces)
     return LoadRitz if along else ForceRitz
+
+
+def condensable(system: System) -> bool:
+    """Whether a `QuasiStatic` rung takes the scene: Hooke's law, and a motion that is not prescribed."""
+    return isinstance(system.rod, Rod) and system.rod.linear and not isinstance(system.motion, Driven)
 
 
 def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System, State]:
@@ -42,11 +47,11 @@ def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System,
 
 
 @eqx.filter_jit
-def brought(system: System, start: State, basis: AbstractBasis, static: bool) -> tuple[System, State]:
-    """The scene on another rung, of which a `Lumped` body has one; `static`: with the strain that rests there."""
+def brought(system: System, start: State, basis: AbstractBasis, static: bool, t0: Any) -> tuple[System, State]:
+    """The scene on another rung, of which a `Lumped` body has one; `static`: with the strain that rests there at t0."""
     if not isinstance(system.rod, Lumped):
         system, start = on_rung(system, start, basis)
-    return system, at_rest(system, start) if static else start
+    return system, at_rest(system, start, t0) if static else start
 
 
 def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
@@ -58,12 +63,19 @@ def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     return [jnp.linalg.solve(weighted @ there.T, weighted @ (a @ here)) for a in amplitudes]
 
 
-def at_rest(system: System, start: State) -> State:
-    """The start with the strain that its spin, gravity and forces would hold still, of Hooke's law."""
+def at_rest(system: System, start: State, t0: Any = 0.0) -> State:
+    """The start with the strain that its spin, gravity and forces would hold still at time `t0` in s.
+
+    **Raises:** `ValueError` for another strain law than Hooke's.
+    """
     if system.basis.n == 0:
         return start
+    if isinstance(system.rod, Rod) and not system.rod.linear:
+        raise ValueError(
+            f"a static strain is of Hooke's law; give start its strain, or leave out law={system.rod.law_name}."
+        )
     none = jnp.zeros(0, start.direction.dtype)
     chart = Strains() if isinstance(system.motion, Driven) else Director()
     q, v = chart.encode(system.motion, dataclasses.replace(start, amplitudes=none, amplitude_rates=none))
-    amplitudes = Condensed(system.equations(chart).scene, chart).strain(0.0, q, v)
+    amplitudes = Condensed(system.equations(chart).scene, chart).strain(t0, q, v)
     return dataclasses.replace(start, amplitudes=amplitudes, amplitude_rates=jnp.zeros_like(amplitudes))

@@ -24,7 +24,7 @@ from .budget import NUDGE, nudged, parted
 from .checks import in_type
 from .choice import Plan, axial_rate, named
 from .defaults import by_equal_steps, solvers
-from .ladder import brought, richer
+from .ladder import brought, condensable, richer
 from .load_basis import LoadRitz
 from .motion import Driven, Flight, State
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
@@ -227,11 +227,11 @@ class _Search:
         if isinstance(self.system.rod, Lumped):
             yield truth.rung
             return
-        free = not isinstance(self.system.motion, Driven)  # driven, a rigid or condensed rod has nothing to move
         rigid, following = self.closed_forms()
-        if free and rigid <= _HOPELESS * self.tolerance:
+        # Driven, a rigid rod has nothing to move.
+        if rigid <= _HOPELESS * self.tolerance and not isinstance(self.system.motion, Driven):
             yield self.rung(Ritz(0))
-        if free and following <= _HOPELESS * self.tolerance:
+        if following <= _HOPELESS * self.tolerance and condensable(self.system):
             yield self.rung(QuasiStatic(LoadRitz(2)))
         yield from map(self.rung, (Ritz(1), ForceRitz(1)))
         yield from (self.rung(self.family(n)) for n in _SHAPES)
@@ -259,7 +259,7 @@ class _Search:
 
     def rung(self, basis: AbstractBasis) -> _Rung:
         if named(basis) not in self.tried:
-            system, start = brought(self.system, self.start, basis, self.static)
+            system, start = brought(self.system, self.start, basis, self.static, self.t0)
             fine = self.simulated(system, start, tolerance=_FINE)
             self.tried[named(basis)] = _Rung(basis, system, start, self.asked(fine), fine)
         return self.tried[named(basis)]

@@ -19,8 +19,8 @@ _TIMES = 1000  # at which the distance is looked at; between them its logarithm 
 class Horizon(eqx.Module):
     """How far ahead a motion can be told; it prints itself.
 
-    `time` in s, inf if the run ends within tolerance, NaN if it failed before that (`result`); `growth_rate` in 1/s of
-    the distance, which tends to the Lyapunov exponent for long runs: of regular motion, where distances grow in
+    `time` in s from the start, inf if the run ends within tolerance, NaN if it failed before that (`result`); `growth_rate`
+    in 1/s of the distance, which tends to the Lyapunov exponent for long runs: of regular motion, where distances grow in
     proportion to time, to zero; `ts` (T,) in s and `growth` (T,), the distance over that of the starts.
     """
 
@@ -31,17 +31,18 @@ class Horizon(eqx.Module):
     result: Result
 
     def __str__(self):
+        searched = len(self.ts) * float(self.ts[1] - self.ts[0])
         told = (
             f"told to {float(self.time):.4g} s ahead"
             if jnp.isfinite(self.time)
-            else f"told to the end, {self.ts[-1]:.4g} s"
+            else f"told to the end, {searched:.4g} s"
         )
         told = "the run failed before that could be told" if jnp.isnan(self.time) else told
-        times = f"{float(self.growth[-1]):.2g} times in {self.ts[-1]:.4g} s"
+        times = f"{float(self.growth[-1]):.2g} times in {searched:.4g} s"
         return f"{told}; distances grow by {float(self.growth_rate):.3g} /s ({times}; regular motion: in proportion to time)"
 
 
-def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> Horizon:
+def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0.0) -> Horizon:
     """The time beyond which two starts `distance` apart differ by `tolerance`.
 
     No solver reaches further: rounding alone sets two starts apart.  The distance is followed by its linear equations (the
@@ -50,13 +51,13 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
 
     **Arguments:**
 
-    - `t1`: the end in s of the search.
+    - `t0`, `t1`: when the motion begins and the search ends, in s.
     - `tolerance`: of the tip's position over the length of the rod, in flight about the centre of mass.
     - `distance`: of the starts: in angles (rad) and strains, and in their rates over the natural rate of the scene (the
       axial one).
 
-    **Raises:** `ValueError` for numbers that are not positive, a distance not below the tolerance, and where nothing can be set
-    apart (a rigid driven rod).
+    **Raises:** `ValueError` for numbers that are not positive, t1 not after t0, a distance not below the tolerance, and where
+    nothing can be set apart (a rigid driven rod).
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=17658.0, density=1200.0)  # swing to strain 1 : 2
@@ -66,7 +67,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
     36.0
     """
     arguments.check_system(system, start)
-    t1 = checks.positive("t1", t1, "s")
+    t0, t1, _ = arguments.times(None, t1, t0, None, checks.float_type(system, start))
     tolerance = checks.positive("tolerance", tolerance, "lengths of the rod")
     distance = checks.positive("distance", distance, "rad and strain")
     if checks.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
@@ -76,18 +77,18 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12) -> H
         )
     if isinstance(system.motion, Driven) and system.basis.n == 0:
         raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")
-    return _horizon(system, start, t1, tolerance, distance)
+    return _horizon(system, start, t0, t1, tolerance, distance)
 
 
 @eqx.filter_jit
-def _horizon(system: System, start: State, t1, tolerance, distance) -> Horizon:
+def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horizon:
     dtype = checks.float_type(system, start)
-    ts = jnp.linspace(0, t1, _TIMES + 1, dtype=dtype)[1:]
+    ts = jnp.linspace(t0, t1, _TIMES + 1, dtype=dtype)[1:]
 
     def tip(offset):
         # Adaptive: of equal steps, written out stage by stage, the forward derivative takes XLA minutes to compile.
         forward = {"solver": diffrax.Dopri8(), "adjoint": diffrax.ForwardMode()}
-        run = simulate(system, _moved(system, start, offset), ts=ts, **forward)
+        run = simulate(system, _moved(system, start, offset), t0=t0, ts=ts, **forward)
         reach = jax.vmap(system.body.reach)(run.states.amplitudes)
         return reach[:, None] * run.states.direction / system.rod.length, run.result
 
@@ -110,7 +111,7 @@ def _horizon(system: System, start: State, t1, tolerance, distance) -> Horizon:
     part = jnp.where(high > low, (jnp.log(tolerance / distance) - low) / rise, 1.0)
     passed = ts[earlier] + jnp.clip(part, 0.0, 1.0) * (ts[first] - ts[earlier])
     never = jnp.where(result == Result.ok, jnp.inf, jnp.nan)
-    return Horizon(jnp.where(jnp.any(beyond), passed, never), _slope(ts, growth), ts, growth, result)
+    return Horizon(jnp.where(jnp.any(beyond), passed - t0, never), _slope(ts, growth), ts, growth, result)
 
 
 def _moved(system: System, start: State, offset) -> State:

@@ -134,7 +134,10 @@ class Measured(AbstractQuantity):
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
     def __call__(self, solution):
-        found = jnp.asarray(self.function(solution))
+        found = self.function(solution)
+        if isinstance(found, list | tuple | dict):
+            raise ValueError(f"{self.name}: its function returns a {type(found).__name__}; return one array.")
+        found = jnp.asarray(found)
         return found if jnp.issubdtype(found.dtype, jnp.inexact) else found.astype(solution.ts.dtype)
 
     def span(self, system):

@@ -79,7 +79,8 @@ def simulate(
       `diffrax.diffeqsolve`.  `SaveAt(fn=)` and events receive a `State`.  `solver` alone keeps the default step size
       control, `dt0` alone takes constant steps.  Forward-mode derivatives need `adjoint=diffrax.ForwardMode()`.
     - `budget`: a quantity, such as `jaxrod.FinalTip()`, or a function of the solution, whose error is measured by four
-      more runs: `sol.budget`.  Of a list of them, which share these, `sol.budget` is a tuple.
+      more runs: `sol.budget`; by five where it looks at times that are not saved.  Of a list of them, which share these,
+      `sol.budget` is a tuple.
     - `throw`: raise `SimulationError` if the run does not reach its end.  Under a transformation nothing is raised.
 
     **Returns:** a `Solution`.  Whatever could not be computed is NaN there, and `result` says why.
@@ -196,7 +197,7 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
         raise ValueError(f"tolerance= is a plan, which chooses them itself; leave out {', '.join(given)}.")
     arguments.check_scene(system, start)
     t0, end, _ = arguments.times(others["ts"], others["t1"], others["t0"], others["saveat"], jnp.dtype(plan.dtype))
-    system, start = plan.applied(system, start)
+    system, start = plan.applied(system, start, t0)
     return simulate(system, start, **plan.steps(system, start, t0, end), **others)
 
 

@@ -17,9 +17,9 @@ from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .checks import in_type
 from .choice import named
 from .defaults import by_equal_steps, solvers
-from .ladder import brought, richer
+from .ladder import brought, condensable, richer
 from .load_basis import LoadRitz
-from .motion import Driven, State
+from .motion import State
 from .quantity import as_quantity
 from .reference import exact_answer
 from .rod import Lumped
@@ -78,10 +78,10 @@ class Tradeoff(NamedTuple):
 
     def __str__(self):
         error = f"error, {self.unit}".rstrip(", ")
-        lines = [f"{'rung':>24} {'solver':>14} {'type':>8} {'steps':>7} {error:>12} {'s per s':>9}"]
+        lines = [f"{'rung':>24} {'solver':>14} {'type':>8} {'steps':>7} {error:>12} {'ms / s':>9}"]
         for row in self.front:
             lines.append(
-                f"{row.rung:>24} {row.solver:>14} {row.dtype:>8} {row.steps:>7} {row.error:>12.1e} {row.cost:>9.2g}"
+                f"{row.rung:>24} {row.solver:>14} {row.dtype:>8} {row.steps:>7} {row.error:>12.1e} {1e3 * row.cost:>9.3g}"
             )
         lines.append(
             f"{self.quantity} against {self.reference}, itself good to {self.own_error:.0e}; {len(self.rows)} runs"
@@ -152,7 +152,7 @@ def tradeoff(
             break
         rung = named(way.basis)
         if rung not in own:
-            fine = simulate(*brought(system, start, way.basis, static), t0=t0, ts=ts, tolerance=_FINE, throw=False)
+            fine = simulate(*brought(system, start, way.basis, static, t0), t0=t0, ts=ts, tolerance=_FINE, throw=False)
             own[rung] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
         found = _measured(way, system, start, quantity, t0, ts, static, true)
         rows += [row._replace(error=max(row.error, own[rung])) for row in found]
@@ -163,8 +163,7 @@ def tradeoff(
 
 def _ways(system: System) -> Iterator[_Way]:
     """The likeliest first: the default on each rung, float32, the other solvers, steps that adapt."""
-    # Driven, a condensed rod has nothing to move.
-    rungs = [x for x in RUNGS if not (isinstance(system.motion, Driven) and isinstance(x, QuasiStatic))]
+    rungs = [x for x in RUNGS if condensable(system) or not isinstance(x, QuasiStatic)]
     family = richer(system)  # load-dependent shapes hold no force at the tip, and are good where it is smooth
     rungs += [family(x.n) for x in RUNGS if isinstance(x, LoadRitz) and family is not LoadRitz]
     scenes = [(basis, dataclasses.replace(system, basis=basis)) for basis in rungs]
@@ -178,7 +177,7 @@ def _ways(system: System) -> Iterator[_Way]:
 
 def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) -> list[Row]:
     """One way, with several steps: one compiled program."""
-    scene, begin = brought(system, start, way.basis, static)
+    scene, begin = brought(system, start, way.basis, static, t0)
     scene, begin, ts_ = in_type(way.dtype, (scene, begin, ts))
     solver, equal = way.solver, by_equal_steps(way.solver)
     if equal:
@@ -217,6 +216,6 @@ def _reference(system, start, quantity, t0, ts, static: bool):
         return exact.value, max(exact.apart, _KNOWN * float(np.max(np.abs(exact.value)))), "the exact rod"
     rungs = [richer(system)(n) for n in _BEST]
     poorer, best = (
-        quantity(simulate(*brought(system, start, basis, static), t0=t0, ts=ts, tolerance=_FINE)) for basis in rungs
+        quantity(simulate(*brought(system, start, basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)) for basis in rungs
     )
     return best, float(jnp.max(jnp.abs(best - poorer))), named(rungs[-1])

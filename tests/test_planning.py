@@ -83,6 +83,29 @@ def test_refusals(rigid_plan):
         jax.jit(lambda a: jaxrod.plan(system, system.state(angle=a), t1=1.0, tolerance=1e-3).error)(0.1)
 
 
+@pytest.mark.slow
+def test_laws_of_strain_and_late_starts(cone):
+    """A neo-Hookean rod has no condensed rung; a rotor that has sped up for two seconds starts with the strain it has then."""
+    rod = dataclasses.replace(cone, law=jaxrod.law.neo_hookean)
+    system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    start, quantity = system.state(rate=8.0), jaxrod.LargestStrain()
+    found = jaxrod.plan(system, start, t1=0.1, tolerance=3e-3, quantity=quantity)
+    ts = quantity.times(0.0, 0.1)
+    true = quantity(jaxrod.continuum.simulate(system, start, ts=ts))
+    assert (
+        found.met
+        and abs(quantity(jaxrod.simulate(system, start, ts=ts, tolerance=found)) - true) <= found.error <= 1e-3
+    )
+    faster = jaxrod.System(cone, jaxrod.Driven(lambda t: 5.0 * t**2))
+    when = {"t0": 2.0, "t1": 2.1}
+    steady = jaxrod.plan(faster, faster.state(), **when, tolerance=1e-2, static=True)
+    true = jaxrod.continuum.simulate(faster, faster.state(), t0=2.0, ts=[2.1], static=True).tip
+    planned = jaxrod.simulate(faster, faster.state(), **when, tolerance=steady).tip
+    assert steady.met and np.max(np.abs(planned - true)) <= steady.error <= 1e-2
+    with pytest.raises(ValueError, match="static=True is of Hooke's law"):
+        jaxrod.plan(system, start, t1=0.1, tolerance=1e-3, static=True)
+
+
 def test_costs_grow():
     """With shapes, also beyond those that were measured, and with the float type."""
     for way in ("axial", "prescribed", "adaptive"):

@@ -1,5 +1,6 @@
 """What accuracy costs, measured on a scene."""
 
+import dataclasses
 import sys
 
 import numpy as np
@@ -69,6 +70,52 @@ def test_refusals(cone):
     with pytest.raises(ValueError, match="Lumped"):
         jaxrod.tradeoff(jaxrod.paper.literal(), jaxrod.paper.literal().state(), t1=1.0)
     assert main(["tradeoff", "a-misspelt-scene"]) == 2
+    with pytest.raises(SystemExit):
+        main(["tradeoff", "impact", "--seconds", "0"])
+
+
+def test_laws_and_late_starts_have_their_rungs(cone):
+    """No condensed rung of a law that is not Hooke's; driven neither; and a steady strain is that of its own time."""
+    stiffening = dataclasses.replace(cone, law=jaxrod.law.neo_hookean)
+    for rod, motion, whether in (
+        (cone, jaxrod.Rotation(), True), (stiffening, jaxrod.Rotation(), False), (cone, jaxrod.scenes.steady(1.0), False)
+    ):  # fmt: skip
+        ways = list(sys.modules["jaxrod.tradeoff"]._ways(jaxrod.System(rod, motion)))
+        assert any(isinstance(way.basis, jaxrod.QuasiStatic) for way in ways) == whether
+        assert {jaxrod.LoadRitz, jaxrod.Ritz} <= {type(way.basis) for way in ways}
+    faster = jaxrod.System(cone, jaxrod.Driven(lambda t: 5.0 * t**2), jaxrod.LoadRitz(6))
+    exact = jaxrod.continuum.simulate(faster, faster.state(), t0=2.0, ts=[2.001], static=True)
+    late = jaxrod.simulate(faster, at_rest(faster, faster.state(), 2.0), t0=2.0, t1=2.001)
+    np.testing.assert_allclose(late.strain, exact.tip_stretch, rtol=1e-3)
+    assert late.strain[0] > 0.01
+    bent = jaxrod.System(stiffening, jaxrod.Rotation())
+    with pytest.raises(ValueError, match="static strain is of Hooke's law"):
+        at_rest(bent, bent.state(rate=10.0))
+    with pytest.raises(ValueError, match="static=True is of Hooke's law"):
+        jaxrod.tradeoff(bent, bent.state(rate=10.0), t1=1.0, static=True)
+
+
+OWN = """
+import jaxrod
+
+def pendulum():
+    rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.02), young=1e7, density=1200.0)
+    system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    return jaxrod.scenes.Scene("a pendulum", system, system.state(), 0.1, jaxrod.FinalTip())
+
+def number():
+    return 1.0
+"""
+
+
+def test_command_line_with_a_scene_of_ones_own(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "RUNGS", (jaxrod.Ritz(0), jaxrod.Ritz(1)))
+    (tmp_path / "own.py").write_text(OWN)
+    out = ["--seconds", "0.1", "--out", str(tmp_path / "out")]
+    for wrong in ("own.py:number", "own.py:none", "missing.py:pendulum", "own.py"):
+        assert main(["tradeoff", str(tmp_path / wrong), *out]) == 2
+    assert main(["tradeoff", f"{tmp_path / 'own.py'}:pendulum", *out]) == 0
+    assert "a pendulum" in capsys.readouterr().out and (tmp_path / "out" / "pendulum.png").stat().st_size > 10_000
 
 
 def test_a_blow():
