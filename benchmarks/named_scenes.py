@@ -37,12 +37,12 @@ ADVICE = {
     "own mass, a tenth of the body's, is all that it gets wrong. What is left are overtones, weakly rung; two or three shapes "
     "see the first of them.",
     "impact": "A blow is a wave, and a fixed root doubles it: 2.00 times F / EA there (by a half-sine of 0.72 travel times: of a "
-    "step, which jumps, no modes have the strain to digits). Uniform strain spreads the blow over the whole rod and finds "
-    "0.77, less than half, whatever the steps. What waves do in a section needs shapes as short as the wave, and errors there do "
-    "not fall evenly: one rung may be nearer than a richer one by chance. Take the exact rod (`continuum.simulate`), or a rung "
-    "whose `budget` says that it is enough. The elongation of the whole rod, and loads that last longer than a few axial periods, "
-    "are kinder: a load that comes at once and stays doubles the static elongation, with one shape as in the exact rod. A "
-    "largest strain is looked for at 200 times, of which each is the end of a step: fewer steps are not tried.",
+    "step, which jumps, no modes have the strain to digits). Uniform strain spreads the blow over the whole rod and finds 0.77, "
+    "less than half, whatever the steps. What waves do in a section needs shapes as short as the wave, and errors there do "
+    "not fall evenly: one rung may be nearer than a richer one by chance. Take the exact rod (`continuum.simulate`), or a "
+    "rung whose `budget` says that it is enough. The elongation of the whole rod, and loads that last longer than a few axial"
+    " periods, are kinder: a load that comes at once and stays doubles the static elongation, with one shape as in the exact "
+    "rod. A largest strain is looked for at 200 times, of which each is the end of a step: fewer steps are not tried.",
     "past-the-pole": "The director has no pole, and a pass beside the vertical costs no steps. The error is that of the start, "
     "which rings: one shape leaves millimetres to centimetres, three (`Ritz(3)`) hundredths of a millimetre at hardly more "
     "time. Take three shapes and the default's solver; fewer steps before fewer shapes.",

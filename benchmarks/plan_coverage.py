@@ -155,17 +155,17 @@ def main() -> None:
     parser.add_argument("part", nargs="?", default="coverage", choices=WRITERS)
     parser.add_argument("--scenes", type=int, default=200)
     parser.add_argument("--seed", type=int, default=2)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, help="of motion (default: all; let go, all but driven)")
     parser.add_argument("--minutes", type=float, default=math.inf, help="of each kind draw no more after so many")
     arguments = parser.parse_args()
     # A process for each kind of motion, whose scenes share compiled programs.
     pool = concurrent.futures.ProcessPoolExecutor(
         mp_context=multiprocessing.get_context("spawn"), max_tasks_per_child=1
     )
-    kinds = KINDS[:3] if arguments.part == "refusals" else KINDS  # driven rods begin at rest
+    moving_freely = arguments.part == "refusals"  # driven rods begin at rest
+    arguments.kinds = arguments.kinds or KINDS[: len(KINDS) - moving_freely]
     with pool:
-        found = [
-            *itertools.chain(*pool.map(looked_at, kinds, itertools.repeat(arguments), itertools.repeat(len(kinds))))
-        ]
+        found = [*itertools.chain(*pool.map(looked_at, arguments.kinds, itertools.repeat(arguments)))]
     WRITERS[arguments.part](found, arguments)
 
 
@@ -180,13 +180,15 @@ class Looked(NamedTuple):
     least: float
 
 
-def looked_at(kind: str, arguments, kinds: int) -> list[Looked]:
+def looked_at(kind: str, arguments) -> list[Looked]:
     """Of each scene of a kind and each tolerance the plan, its true error and the least cost."""
     refusals = arguments.part == "refusals"
     tolerances, released = (TOLERANCES[-1:], 1.0) if refusals else (TOLERANCES, 0.25)
     others = OTHERS if arguments.part == "beyond" else []
     found, begun = [], time.monotonic()
-    for index in tqdm(range(-(-arguments.scenes // kinds)), kind, unit=" scenes", position=KINDS.index(kind)):
+    for index in tqdm(
+        range(-(-arguments.scenes // len(arguments.kinds))), kind, unit=" scenes", position=KINDS.index(kind)
+    ):
         if time.monotonic() - begun > 60 * arguments.minutes:
             break
         scene = drawn(kind, index, arguments.seed, released)
@@ -211,12 +213,11 @@ def looked_at(kind: str, arguments, kinds: int) -> list[Looked]:
 
 def coverage(found: list[Looked], arguments) -> None:
     text = (
-        f"## Plans for random scenes\n\n`{said(arguments)}`: scenes of all motions, for 1e-2, 1e-4 and 1e-6 of tip, angle or "
-        "(driven) largest strain. The error is from the exact rod with 256 modes, the cheapest from a search of the rungs that "
-        "`plan` tries, all solvers, types and step counts.  Left out is what half the modes change by more than a third of the "
-        "tolerance."
+        f"## Plans for random scenes\n\n`{said(arguments)}`: for 1e-2, 1e-4 and 1e-6 of tip, angle or (driven) largest strain. "
+        "The error is from the exact rod with 256 modes, the cheapest from a search of the rungs that `plan` tries, all solvers, "
+        "types and step counts.  Left out is what half the modes change by more than a third of the tolerance."
     )
-    report.write("coverage", f"{text}\n\n{rows(found)}", PAGE)
+    report.write("coverage", f"{text}\n\n{rows(found, arguments.kinds)}", PAGE)
 
 
 def beyond(found: list[Looked], arguments) -> None:
@@ -224,7 +225,7 @@ def beyond(found: list[Looked], arguments) -> None:
         f"## Against rungs that are not tried\n\n`{said(arguments)}`: the same, but the cheapest is sought among polynomials of "
         "strain and of force (2, 3, 4 of `Ritz` and `ForceRitz`) as well."
     )
-    report.write("beyond", f"{text}\n\n{rows(found)}", PAGE)
+    report.write("beyond", f"{text}\n\n{rows(found, arguments.kinds)}", PAGE)
 
 
 def refusals(found: list[Looked], arguments) -> None:
@@ -235,7 +236,7 @@ def refusals(found: list[Looked], arguments) -> None:
     columns = ["scenes", "plans", "kept of the promised", "rightly refused"]
     lines = [
         [name, str(len(group)), kept(group), refused(group)]
-        for name, group in [("all", found), *((kind, [x for x in found if x.kind == kind]) for kind in KINDS[:3])]
+        for name, group in [("all", found), *((kind, [x for x in found if x.kind == kind]) for kind in arguments.kinds)]
     ]
     report.write("refusals", f"{text}\n\n{report.table(columns, lines)}", PAGE)
 
@@ -245,13 +246,14 @@ WRITERS = {"coverage": coverage, "beyond": beyond, "refusals": refusals}
 
 def said(arguments) -> str:
     part = "" if arguments.part == "coverage" else f" {arguments.part}"
-    return f"python benchmarks/plan_coverage.py{part} --scenes {arguments.scenes} --seed {arguments.seed}"
+    kinds = "" if len(arguments.kinds) == len(KINDS) else f" --kinds {' '.join(arguments.kinds)}"
+    return f"python benchmarks/plan_coverage.py{part} --scenes {arguments.scenes} --seed {arguments.seed}{kinds}"
 
 
-def rows(found: list[Looked]) -> str:
+def rows(found: list[Looked], kinds: list[str]) -> str:
     lines = []
     groups = [("all", found)]
-    groups += [(kind, [x for x in found if x.kind == kind]) for kind in KINDS]
+    groups += [(kind, [x for x in found if x.kind == kind]) for kind in kinds]
     groups += [(f"{tolerance:.0e}", [x for x in found if x.tolerance == tolerance]) for tolerance in TOLERANCES]
     for name, group in groups:
         met = [x for x in group if x.met]
