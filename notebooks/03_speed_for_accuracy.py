@@ -76,7 +76,7 @@ print(found)
 display(jaxrod.plot.tradeoff(found, sudden.title))
 
 # %% [markdown]
-# From uniform strain no step size buys a digit: its error is the model's. One or two more shapes buy three digits for less
+# From uniform strain no step size buys a digit: its error is the model's. Two more shapes buy four digits for less
 # than twice the time.
 #
 # ## What should I take?
