@@ -121,7 +121,8 @@ def simulate(
     if tolerance is not None and given:
         raise ValueError(f"tolerance={tolerance} chooses solver and steps itself; leave out {', '.join(given)}.")
     asked = arguments.checked_tolerance(tolerance, dtype)
-    quantities = [as_quantity(each) for each in (budget if isinstance(budget, list | tuple) else [budget])]
+    several = isinstance(budget, list | tuple)
+    quantities = [as_quantity(each) for each in (budget if several else [budget])]
 
     # Equal steps from save time to save time need nothing of Diffrax; what does goes through Diffrax.
     plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
@@ -185,7 +186,7 @@ def simulate(
             return looked.astype(dtype) if ts is None and saveat is None and looked.size > 1 else None
 
         found = budgets(quantities, system, start, solution, run, own_times)
-        solution = dataclasses.replace(solution, budget=found if isinstance(budget, list | tuple) else found[0])
+        solution = dataclasses.replace(solution, budget=found if several else found[0])
     return solution
 
 

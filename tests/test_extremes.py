@@ -460,6 +460,9 @@ def test_rows_of_the_page(runs):
     assert len(grown) == (8 if runs is extremes.driven_spin else 0)
 
 
+# ---- steps that are not trusted
+
+
 def _codes(system, start, t1, dtype):
     system, start = jax.tree.map(lambda x: x.astype(dtype), (system, start))
     return jax.jit(lambda start: jaxrod.simulate(system, start, t1=jnp.asarray(t1, dtype)).result)(start)
