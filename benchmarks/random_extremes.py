@@ -232,11 +232,11 @@ def _moved(state, part, by):
 
 def verdict(name: str, found: dict) -> dict[str, np.ndarray]:
     """For each scene, whether it is `ok`, `beyond` its horizon, and silently `wrong`."""
-    found = {key: x if isinstance(x, Result) else np.asarray(x, float) for key, x in found.items()}
-    ok = np.asarray(found["result"] == Result.ok)
+    found = {key: np.asarray(x) if key in ("result", "finer") else np.asarray(x, float) for key, x in found.items()}
+    ok = found["result"] == Result.ok
     promise = PROMISE[name] + EACH_RADIAN[name] * np.nan_to_num(found["turned"])  # not known of what is not judged
     apart = np.maximum(ROUNDING[name] * np.sqrt(STAGES * np.maximum(found["steps"], 1)), APART)  # each rounds anew
-    judged = ~np.asarray(found["finer"] == Result.max_steps)
+    judged = found["finer"] != Result.max_steps
     beyond = ok & ~((found["growth"] * apart <= promise) & (found["blur"] <= CLEAR * promise))
     off = judged & ~(found["error"] <= promise)
     wrong = ok & ((off & ~beyond) | ~(found["kept"] <= 10 * promise))
@@ -251,7 +251,7 @@ def verdict(name: str, found: dict) -> dict[str, np.ndarray]:
 
 
 def _shown(value) -> str:
-    return Result[value].split(":")[0] if isinstance(value, Result) else f"{float(value):.3g}"
+    return Result[value].split(":")[0] if value.dtype == np.int8 else f"{float(value):.3g}"
 
 
 def main() -> None:

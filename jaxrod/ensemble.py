@@ -174,8 +174,8 @@ def _warn(out: PyTree) -> None:
     def scenes(trouble: list[np.ndarray]) -> int:
         return int(np.sum(sum(np.any(x.reshape(len(x), math.prod(x.shape[1:])), axis=1) for x in trouble) > 0))
 
-    leaves = jax.tree.leaves(out, is_leaf=lambda x: isinstance(x, Result))
-    failed = scenes([~np.asarray(x == Result.ok) for x in leaves if isinstance(x, Result)])
+    leaves = jax.tree.leaves(out)
+    failed = scenes([np.asarray(x) != Result.ok for x in leaves if x.dtype == jnp.int8])  # the type of result codes
     lost = scenes([~np.isfinite(np.asarray(x)) for x in leaves if eqx.is_inexact_array(x)])
     if failed or lost:
         warnings.warn(f"sweep: {failed} scenes did not end ok, {lost} gave answers that are not finite.", stacklevel=3)

@@ -4,7 +4,7 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int8
 
 from . import arguments, checks, statics
 from .chart import Local
@@ -28,7 +28,7 @@ class Horizon(eqx.Module):
     growth_rate: Float[Array, ""]
     ts: Float[Array, " T"]
     growth: Float[Array, " T"]
-    result: Result
+    result: Int8[Array, "*scenes"]
 
     def __str__(self):
         searched = len(self.ts) * float(self.ts[1] - self.ts[0])

@@ -1,15 +1,51 @@
 """How a run ended: one code per scene, a sentence each."""
 
+import enum
 from typing import Any
 
-import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Int8
+
+from . import checks
 
 
-class Result(eqx.Enumeration):
-    """Result codes, one per scene; they travel through `jit` and `vmap`.
+class _Sentences(enum.EnumMeta):
+    """An enumeration whose `[code]` is the sentence of a code, or of each in an array of them."""
 
-    Compare with `sol.result == jaxrod.Result.ok`; `jaxrod.Result[sol.result]` gives the sentence.
+    def __getitem__(cls, code: Any) -> Any:
+        if isinstance(code, str):
+            return super().__getitem__(code)
+        if not checks.known(code):
+            raise ValueError("Result[code] is a sentence of a known code; ask outside of transformations.")
+        codes = np.asarray(code)
+        if codes.dtype.kind not in "iu" or not np.all(np.isin(codes, list(cls))):
+            raise ValueError(f"Result[{code!r}] is no code; give one from 0 to {len(cls) - 1}, such as sol.result.")
+        return cls(int(codes)).sentence if codes.ndim == 0 else [cls[each] for each in codes]
+
+
+class Result(enum.IntEnum, metaclass=_Sentences):
+    """Result codes, one per scene: small integers (int8), which travel through `jit` and `vmap` and which NumPy keeps.
+
+    Compare with `sol.result == jaxrod.Result.ok`; `jaxrod.Result[sol.result]` gives the sentence, of an array of codes a
+    list of them, and `jaxrod.Result(3).name` the name.
+
+    >>> import jaxrod
+    >>> print(jaxrod.Result.collapsed.name, int(jaxrod.Result.collapsed), jaxrod.Result[0])
+    collapsed 1 the run reached its end
     """
+
+    sentence: str
+
+    def __new__(cls, sentence: str):
+        member = int.__new__(cls, len(cls.__members__))
+        member._value_, member.sentence = int(member), sentence
+        return member
+
+    @staticmethod
+    def where(condition: Bool[ArrayLike, "*scenes"], then: Any, otherwise: Any) -> Int8[Array, "*scenes"]:
+        """One code where a condition holds, another elsewhere."""
+        return jnp.where(condition, then, otherwise).astype(jnp.int8)
 
     ok = "the run reached its end"
     collapsed = "the rod was pressed together to nothing: a strain reached -1, where the model ends"

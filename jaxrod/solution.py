@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int8
 
 from . import checks
 from .lagrangian import Lagrangian
@@ -35,7 +35,7 @@ class Solution(eqx.Module):
 
     ts: Float[Array, "*scenes T"]
     states: Any
-    result: Result
+    result: Int8[Array, "*scenes"]
     stats: dict[str, Array]
     system: System | Lagrangian
     start: Any
