@@ -64,6 +64,8 @@ from .section import Profile as Profile
 from .section import Steps as Steps
 from .section import Table as Table
 from .section import Uniform as Uniform
+from .signal import Impulse as Impulse
+from .signal import Record as Record
 from .simulation import Reversible as Reversible
 from .simulation import simulate as simulate
 from .solution import Solution as Solution

@@ -1,6 +1,6 @@
 """What `simulate` is given, looked at before anything runs."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
@@ -82,7 +82,20 @@ def check_multistep(system: Any, solver: AbstractMultistep, alone: bool) -> None
         )
 
 
-def times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
+class Times(NamedTuple):
+    """A run's times in s: from `start` to `end`, saving at `saved` (T,); all since `clock`, if there is one."""
+
+    clock: Float[Array, ""] | None
+    start: Float[Array, ""]
+    end: Float[Array, ""]
+    saved: Float[Array, " T"] | None
+
+
+def times(ts, t1, t0, saveat, dtype, by_the_clock: bool = False) -> Times:
+    """The times of a run since its begin: stamps far from zero would cost all in it their digits.
+
+    `by_the_clock`: as they are, for what knows the user's times.
+    """
     if (ts is None) == (t1 is None):
         given = "neither" if ts is None else "both"
         raise ValueError(f"{given} of ts= and t1= given; give ts= (times to save at) or t1= (the end alone).")
@@ -90,26 +103,74 @@ def times(ts, t1, t0, saveat, dtype) -> tuple[Array, Array, Array | None]:
         raise ValueError(
             "saveat= goes with t1=, without dense= and subs=; give SaveAt(ts=...), SaveAt(steps=True), or ts=."
         )
-    t0 = checks.number("t0", t0).astype(dtype)
+    zero = checks.number("t0", t0)
     inner = None if saveat is None else saveat.subs.ts
     if inner is not None and checks.fails(lambda ts, t0, t1: (ts >= t0) & (ts <= t1), inner, t0, t1):
-        raise ValueError(f"saveat.ts={checks.shown(inner)} must lie between t0={checks.shown(t0)} and t1={t1}.")
+        raise ValueError(f"saveat.ts={checks.shown(inner)} must lie between t0={checks.shown(zero)} and t1={t1}.")
     if ts is None:
-        t1 = checks.number("t1", t1).astype(dtype)
-        if checks.fails(np.greater, t1, t0):
-            raise ValueError(f"t1={checks.shown(t1)} does not lie after t0={checks.shown(t0)}; give a later t1=.")
-        return t0, t1, None
-    ts = checks.numbers("ts", ts, "times in s").astype(dtype)
-    if checks.fails(lambda ts: np.diff(ts) > 0, ts):
-        first = int(np.argmin(np.diff(ts) > 0))
+        checks.number("t1", t1)
+        end = since(t0, t1)
+        if checks.fails(lambda passed: passed > 0, end):
+            raise ValueError(f"t1={checks.shown(t1)} does not lie after t0={checks.shown(zero)}; give a later t1=.")
+        saved = None
+    else:
+        checks.numbers("ts", ts, "times in s")
+        saved = since(t0, ts)
+        end = saved[-1]
+        if checks.fails(lambda passed: np.diff(passed) > 0, saved):
+            first = int(np.argmin(np.diff(saved) > 0))
+            raise ValueError(
+                f"ts must increase, but ts[{first}]={float(ts[first]):.9g} is followed by {float(ts[first + 1]):.9g}; sort "
+                "it and drop doubles."
+            )
+        if checks.fails(lambda passed: (passed[0] >= 0) & (passed[-1] > 0), saved):
+            raise ValueError(
+                f"ts={checks.shown(ts)} does not lie after the start t0={checks.shown(zero)}; give later times, or t0=."
+            )
+    if by_the_clock or checks.fails(lambda t0: t0 != 0, t0):
+        whole = None if ts is None else jnp.asarray(ts, dtype)
+        return Times(None, zero.astype(dtype), jnp.asarray(t1, dtype) if whole is None else whole[-1], whole)
+    saved = None if saved is None else jnp.asarray(saved, dtype)
+    return Times(zero, jnp.zeros((), dtype), jnp.asarray(end, dtype) if saved is None else saved[-1], saved)
+
+
+def knots(system, run: Times, equal: bool, controller, n_steps) -> tuple[Any, Any]:
+    """Times in s since the begin at which a step is to end, and whether the run leaves a `Record`; each None if not so.
+
+    **Raises:** `ValueError` where steps would pass over a `Record` or an `Impulse`, and where the run is known to leave it.
+    """
+    found = system.knots if isinstance(system, System) else None
+    if found is None:
+        return None, None
+    adapts = isinstance(controller, diffrax.AbstractAdaptiveStepSizeController)
+    if not equal and (n_steps is not None or (controller is not None and not adapts)):
         raise ValueError(
-            f"ts must increase, but ts[{first}]={ts[first]:.6g} is followed by {ts[first + 1]:.6g}; sort it and drop doubles."
+            "n_steps=, dt0= or stepsize_controller= would pass over a Record or an Impulse; leave it out, or give a "
+            "controller that adapts."
         )
-    if checks.fails(lambda ts, t0: (ts[0] >= t0) & (ts[-1] > t0), ts, t0):
+    begin = run.start if run.clock is None else run.clock
+    end = run.end if run.clock is None else run.clock + run.end
+    unknown = system.unknown(begin, end)
+    if checks.fails(lambda unknown: ~unknown, unknown):
         raise ValueError(
-            f"ts={checks.shown(ts)} does not lie after the start t0={checks.shown(t0)}; give later times, or t0=."
+            f"a Record of the scene does not reach over the run, from {checks.shown(begin)} to {checks.shown(end)} s; add "
+            "samples, or of a force one of zero at its end."
         )
-    return t0, ts[-1], ts
+    found = since(0.0 if run.clock is None else run.clock, found)
+    return jnp.asarray(found, run.end.dtype), None if checks.known(unknown) else unknown
+
+
+def since(t0, ts) -> Any:
+    """Times since t0: of known ones in float64, whatever the type of the run."""
+    if checks.known(t0) and checks.known(ts):
+        return np.asarray(ts, np.float64) - np.asarray(t0, np.float64)
+    return jnp.asarray(ts) - jnp.asarray(t0)
+
+
+def interval(t1, t0) -> tuple[float, float]:
+    """Begin and end of a run in s, known."""
+    times(None, t1, t0, None, jnp.result_type(float))
+    return float(t0), float(t1)
 
 
 def checked_tolerance(tolerance, dtype) -> Float[Array, ""]:

@@ -39,7 +39,7 @@ def closes_over_traced(value: Any, inside: bool = False, depth: int = 8, seen: s
         inner = (value.func, value.args, value.keywords)
         inside = inside or not isinstance(value, jax.tree_util.Partial)
     elif isinstance(value, types.FunctionType):
-        inner = (*(_content(cell) for cell in value.__closure__ or ()), value.__defaults__, value.__kwdefaults__)
+        inner = (*(content(cell) for cell in value.__closure__ or ()), value.__defaults__, value.__kwdefaults__)
         inside = True
     elif isinstance(value, types.MethodType):
         inner = (value.__func__, value.__self__)
@@ -52,10 +52,11 @@ def closes_over_traced(value: Any, inside: bool = False, depth: int = 8, seen: s
     return any(closes_over_traced(x, inside, depth - 1, seen) for x in inner)
 
 
-def _content(cell) -> Any:
+def content(cell) -> Any:
+    """What a cell of a closure holds; None if nothing yet."""
     try:
         return cell.cell_contents
-    except ValueError:  # nothing in it yet
+    except ValueError:
         return None
 
 

@@ -1,8 +1,12 @@
 """Forces without a potential, each given by its virtual power.
 
 A force is a function P(t, state, virtual, body), linear in the virtual velocity; the generalized forces are its
-derivative by the generalized velocities, whatever the coordinates and the strain shapes.  Its strength is a number or a
-function (t, state) -> number; numbers in an Equinox module are differentiable.
+derivative by the generalized velocities, whatever the coordinates and the strain shapes.  Its strength is a number, a
+function (t, state) -> number, a `Record` or an `Impulse`; numbers in an Equinox module are differentiable.  Hold what
+varies from run to run in such a module: a lambda is another program each time it is written, and compiles anew.
+
+Before a run a function is looked at along the start, at 4,097 instants between its begin and its end: steps resolve what
+is seen there.  What is shorter than (t1 - t0) / 4096 may fall between two of them; give it as `Record` or `Impulse`.
 """
 
 import abc
@@ -12,11 +16,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from . import checks
+from .lanes import depends_on_first
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .projection import Projection
+from .signal import AbstractSignal, beyond, kinked, on_clock, signals, twice
 
 
 class AbstractForce(eqx.Module):
@@ -30,12 +36,68 @@ class AbstractForce(eqx.Module):
     def check(self, motion: AbstractMotion) -> None:
         """Refuse, by `ValueError`, a motion this force cannot act on."""
 
+    @property
+    def varies(self) -> bool:
+        """Whether it has to be looked at, as it may depend on time in a way that nothing tells the stepper."""
+        return True
 
-class Torque(AbstractForce):
+    def unknown(self, t0: Float[Array, ""], t1: Float[Array, ""]) -> Bool[Array, ""]:
+        """Whether a `Record` in it does not reach over a run from t0 to t1 (s)."""
+        return beyond(signals(self), t0, t1, may_end=True)
+
+    def unseen(self, times: Float[Array, " T"], state: State) -> Bool[Array, ""]:
+        """Whether it is a function of time that does nothing at any of these instants, as a short pulse between them."""
+        del times, state
+        return jnp.asarray(False)
+
+    def delayed(self, t0: Float[Array, ""]) -> "AbstractForce":
+        """The same force on a clock that shows zero at t0 (s)."""
+        return _Delayed(self, t0)
+
+
+class _Delayed(AbstractForce):
+    """A force on a clock that shows zero at t0."""
+
+    force: AbstractForce
+    t0: Float[Array, ""]
+
+    def power(self, t, state, virtual, body):
+        return on_clock(lambda t: self.force.power(t, state, virtual, body), self.t0, t)
+
+    def check(self, motion):
+        self.force.check(motion)
+
+    @property
+    def varies(self):
+        return self.force.varies
+
+    def unseen(self, times, state):
+        return self.force.unseen(self.t0 + times, state)
+
+
+class AbstractStrength(AbstractForce):
+    """A force of one `strength`: a number, or a function (t, state) of it."""
+
+    @property
+    @abc.abstractmethod
+    def strength(self) -> Any:
+        """The number or the function."""
+
+    @property
+    def varies(self):
+        return _is_looked_at(self.strength)
+
+    def unseen(self, times, state):
+        if not callable(self.strength) or signals(self.strength) or _reads_state(self.strength, state):
+            return jnp.asarray(False)
+        return jnp.all(jax.vmap(lambda t: self.strength(t, state))(times) == 0)
+
+
+class Torque(AbstractStrength):
     """A moment on the rod: P = tau . (d x d').
 
     **Arguments:** `moment` in N m: one number in the plane (positive raises the angle), three in space; or a function
-    (t, state) of them.
+    (t, state) of them, a `Record` or an `Impulse`.
 
     >>> import jax.numpy as jnp, jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
@@ -50,6 +112,10 @@ class Torque(AbstractForce):
     def __init__(self, moment):
         self.moment = _strength("Torque(moment=)", moment, (3,) if np.ndim(_number(moment)) else ())
 
+    @property
+    def strength(self):
+        return self.moment
+
     def power(self, t, state, virtual, body):
         del body
         d, rate, moment = state.direction, virtual.direction, _at(self.moment, t, state)
@@ -63,11 +129,11 @@ class Torque(AbstractForce):
             raise ValueError(f"Torque(moment={checks.shown(self.moment)}) does not fit the motion; give {needed}.")
 
 
-class TipForce(AbstractForce):
+class TipForce(AbstractStrength):
     """A force on the tip: P = F . v_tip.
 
     **Arguments:** `force` in N: one number pulls along the rod, wherever it points; as many as the space has dimensions
-    keep their direction in space; or a function (t, state) of either.
+    keep their direction in space; or a function (t, state) of either, a `Record` or an `Impulse`.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
@@ -80,6 +146,10 @@ class TipForce(AbstractForce):
 
     def __init__(self, force):
         self.force = _strength("TipForce(force=)", force, np.shape(_number(force)))
+
+    @property
+    def strength(self):
+        return self.force
 
     def power(self, t, state, virtual, body):
         force = _at(self.force, t, state)
@@ -98,7 +168,7 @@ class TipForce(AbstractForce):
             )
 
 
-class PivotFriction(AbstractForce):
+class PivotFriction(AbstractStrength):
     """Viscous friction of the pivot, a moment against the turning rate: P = -c omega . omega_virtual.
 
     **Arguments:** `coefficient` c in N m s, not negative; or a function (t, state) of it.
@@ -109,6 +179,10 @@ class PivotFriction(AbstractForce):
     def __init__(self, coefficient):
         self.coefficient = _damping("PivotFriction(coefficient=)", coefficient, "N m s")
 
+    @property
+    def strength(self):
+        return self.coefficient
+
     def power(self, t, state, virtual, body):
         del body
         return -_at(self.coefficient, t, state) * (state.direction_rate @ virtual.direction)
@@ -117,7 +191,7 @@ class PivotFriction(AbstractForce):
         _check_pivot(self, motion)
 
 
-class KelvinVoigt(AbstractForce):
+class KelvinVoigt(AbstractStrength):
     """Viscosity of the material, stress E (strain + time strain'): P = -time a'^T K a'_virtual.
 
     **Arguments:** `time` in s, viscosity over Young's modulus (the retardation time), not negative; or a function
@@ -128,6 +202,10 @@ class KelvinVoigt(AbstractForce):
 
     def __init__(self, time):
         self.time = _damping("KelvinVoigt(time=)", time, "seconds")
+
+    @property
+    def strength(self):
+        return self.time
 
     def power(self, t, state, virtual, body):
         return -_at(self.time, t, state) * (state.amplitude_rates @ body.stiffness_matrix @ virtual.amplitudes)
@@ -141,7 +219,9 @@ class ShakenBase(AbstractForce):
 
     All positions, velocities and energies of the scene are then relative to the moving pivot.
 
-    **Arguments:** `position`, a function of t (s) that gives the place R of the pivot in m (D,), twice differentiable.
+    **Arguments:** `position`, the place R of the pivot in m (D,), or `acceleration`, R'' in m/s^2 (D,): a function of t
+    (s) or a `Record`.  A position is differentiated twice: one that jumps, or whose rate does, is not seen to, but as a
+    `Record`.
 
     >>> import jax.numpy as jnp, jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e9, density=1200.0)
@@ -153,30 +233,56 @@ class ShakenBase(AbstractForce):
     """
 
     position: Any
+    acceleration: Any
 
-    def __init__(self, position):
-        if not callable(position):
-            raise ValueError(f"ShakenBase(position={position!r}) is not a function of time; give one, t -> (D,) in m.")
-        self.position = checks.carried(position)
+    def __init__(self, position=None, *, acceleration=None):
+        if (position is None) == (acceleration is None):
+            given = "neither" if position is None else "both"
+            raise ValueError(f"ShakenBase: {given} of position= and acceleration= given; give one of them.")
+        for name, value in (("position", position), ("acceleration", acceleration)):
+            if value is not None and not callable(value):
+                raise ValueError(f"ShakenBase({name}={value!r}) is not a function of time; give one, t -> (D,).")
+        self.position = None if position is None else checks.carried(position)
+        self.acceleration = None if acceleration is None else checks.carried(acceleration)
 
     def power(self, t, state, virtual, body):
-        def velocity(t):
-            return jax.jvp(self.position, (t,), (jnp.ones_like(t),))[1]
-
         t = jnp.asarray(t, state.direction.dtype)
-        _, acceleration = jax.jvp(velocity, (t,), (jnp.ones_like(t),))
+        acceleration = self.moved(t)[2]
         lengthening = body.first_moments[1:] @ virtual.amplitudes
         moving = lengthening * state.direction + body.moment(state.amplitudes) * virtual.direction
         return -acceleration @ moving
 
+    def moved(self, t) -> tuple[Any, Any, Float[Array, " D"]]:
+        """Position, velocity and acceleration of the base at time t; the first two None where only the last is given."""
+        if self.acceleration is not None:
+            return None, None, self.acceleration(t)
+        return twice(self.position, t)
+
     def check(self, motion):
         _check_pivot(self, motion)
-        shape = getattr(jax.eval_shape(self.position, jnp.zeros(())), "shape", "no array")
+        name, given = ("position", self.position) if self.acceleration is None else ("acceleration", self.acceleration)
+        shape = getattr(jax.eval_shape(given, jnp.zeros(())), "shape", "no array")
         if shape != (motion.dimension,):
             raise ValueError(
-                f"ShakenBase(position=) gives {shape}; it must give the place of the pivot, "
-                f"({motion.dimension},) numbers in m."
+                f"ShakenBase({name}=) gives {shape}; it must give {motion.dimension} numbers, ({motion.dimension},), for "
+                "the pivot."
             )
+
+    @property
+    def varies(self):
+        return _is_looked_at(self.position if self.acceleration is None else self.acceleration)
+
+    def unknown(self, t0, t1):
+        return beyond(signals(self), t0, t1, may_end=self.position is None)
+
+    def unseen(self, times, state):
+        del state
+        if signals(self):
+            return jnp.asarray(False)
+        place, rate, acceleration = jax.vmap(self.moved)(times)
+        if place is None:
+            return jnp.all(acceleration == 0)
+        return kinked(place, acceleration) | (jnp.all(acceleration == 0) & jnp.all(rate == 0))
 
 
 def _strength(name: str, value: Any, shape: tuple[int, ...]) -> Any:
@@ -193,6 +299,15 @@ def _number(value: Any) -> Any:
 
 def _at(strength: Any, t, state: State) -> Any:
     return strength(t, state) if callable(strength) else strength
+
+
+def _is_looked_at(given: Any) -> bool:
+    return callable(given) and not isinstance(given, AbstractSignal)
+
+
+def _reads_state(strength: Any, state: State) -> bool:
+    """Whether the program of a strength uses the state."""
+    return depends_on_first(lambda state, t: strength(t, state), state, jnp.zeros_like(state.turns))
 
 
 def _check_pivot(force: AbstractForce, motion: AbstractMotion) -> None:

@@ -8,17 +8,23 @@ import jax
 import jax.numpy as jnp
 import optimistix as optx
 from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from . import continuum
+from .arguments import since
 from .basis import QuasiStatic
+from .chart import AbstractChart
+from .defaults import default_chart
 from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
 from .motion import Driven, Flight, State
+from .preview import preview
 from .projection import Projection
 from .result import Result
+from .reversal import ONCE, forward_refused, reversible
 from .rod import Rod
 from .solution import Solution
+from .stops import Stops
 from .symplectic import AbstractSymplectic, SplitTerm
 from .system import System
 from .tracking import Tracked, Tracking
@@ -27,11 +33,14 @@ _COLLAPSED = -1 + 1e-6
 _DIVERGED = 1e6
 
 
+@forward_refused()
 @eqx.filter_jit
 def integrate(
     system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
-    progress_meter, max_steps, longest,
+    progress_meter, max_steps, longest, knots,
 ):  # fmt: skip
+    if isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint):
+        system, start, t0, t1, ts = reversible((system, start, t0, t1, ts), 1, ONCE)
     valid, given_ts, given_start = t1 > t0, ts, start
     if ts is not None:
         valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
@@ -43,6 +52,7 @@ def integrate(
     else:
         given = system
     t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
+    looked = preview(system, start, t0, t1, knots)
     split: Any = None
     if isinstance(solver, AbstractSymplectic):
         split = system.split(start, t0, solver.small_kicks)
@@ -73,14 +83,21 @@ def integrate(
     elif given_steps:
         steps = diffrax.ConstantStepSize()
     elif stepsize_controller is None:
-        steps = _adaptive(system, start, y0, t0, t1, ts, atol, longest)
+        if looked is not None:  # error control sees what changes, once a step ends there
+            most = (t1 - t0) / jnp.maximum(looked.steps(t0, t1), 1.0)
+            longest = most if longest is None else jnp.minimum(most, longest)
+        by_error = _by_error(system, start, y0, t0, t1 - t0, atol, longest)
+        steps = _ending_at(Stops.of(t0, t1[None] if ts is None else ts, knots, looked), by_error, t0, ts is not None)
+    elif knots is not None:
+        steps = _ending_at(Stops.of(t0, t1[None], knots, None), stepsize_controller, t0, False)
     else:
         steps = stepsize_controller
 
     raw: Any = diffrax.diffeqsolve(
         terms, Tracking(solver), t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=steps, adjoint=adjoint,
-        event=_events(event, decode, margin, t1.dtype), max_steps=max_steps, throw=False,
+        event=_events(event and _begun(event, system, start, chart, t0, t1), decode, margin, t1.dtype),
+        max_steps=max_steps, throw=False,
         progress_meter=progress_meter,
     )  # fmt: skip
 
@@ -90,6 +107,7 @@ def integrate(
         states = jax.vmap(ravel_pytree(decode(t0, y0))[1])(states)
     states = jax.tree.map(lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
+    stats |= {} if looked is None else {"unseen": looked.unseen}
     stats["t_end"] = raw.ts["end"][-1]
     stats["step"] = (stats["t_end"] - t0) / jnp.maximum(stats["num_accepted_steps"], 1)
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
@@ -106,7 +124,32 @@ def integrate(
         system=given,
         start=given_start,
         method=", ".join(type(x).__name__ for x in (solver, split or chart) if x is not None),
+        event=None if event is None else _which(raw.event_mask["user"]),
     )
+
+
+def by_the_clock(times: Any, saveat: diffrax.SaveAt | None, event: diffrax.Event | None) -> tuple[Any, Any]:
+    """What its user saves and ends a run by, with the user's times, for a run that begins at zero."""
+    clock = times.clock
+    if clock is None:
+        return saveat, event
+    if saveat is not None:
+        inner, ts = saveat.subs.fn, saveat.subs.ts
+        ts = None if ts is None else jnp.asarray(since(clock, ts), times.end.dtype)
+        saveat = eqx.tree_at(
+            lambda saveat: (saveat.subs.fn, saveat.subs.ts),
+            saveat,
+            (lambda t, y, args: inner(clock + t, y, args), ts),
+            is_leaf=lambda x: x is None,
+        )
+    if event is not None:
+
+        def delayed(condition):
+            return lambda t, y, args, **rest: condition(clock + t, y, args, **rest)
+
+        conditions = jax.tree.map(delayed, event.cond_fn, is_leaf=callable)
+        event = diffrax.Event(conditions, event.root_finder, event.direction)
+    return saveat, event
 
 
 class _Flow(eqx.Module):
@@ -165,12 +208,17 @@ class _NaturalNorm(eqx.Module):
         return jnp.sqrt(jnp.mean(squares))
 
 
-def _adaptive(system, start, y0, t0, t1, ts, atol, longest) -> diffrax.AbstractStepSizeController:
-    """Steps by their error, the longest of them `longest` s where it is given; of what is saved each ends one."""
-    by_error = _by_error(system, start, y0, t0, t1 - t0, atol, longest)
-    if ts is None:
-        return by_error
-    return diffrax.ClipStepSizeController(by_error, step_ts=ts)  # interpolation would cost digits at tight tolerances
+def _ending_at(stops: Stops, steps: Any, t0, saves: bool) -> Any:
+    """Steps that end where loads change and, as interpolation would cost digits at tight tolerances, where one is saved.
+
+    A step that is cut off has no derivative by the place of the cut: its error would be all that is differentiated.
+    """
+    ends = jax.lax.stop_gradient(stops.ends)
+    if stops.inner is None:
+        return diffrax.ClipStepSizeController(steps, step_ts=ends) if saves else steps
+    double = jnp.diff(ends, prepend=t0) <= 0
+    beyond = ends[-1] + (ends[-1] - t0) * (1 + jnp.arange(ends.size, dtype=ends.dtype))
+    return diffrax.ClipStepSizeController(steps, step_ts=jnp.sort(jnp.where(double, beyond, ends)))
 
 
 def _by_error(system, start, y0, t0, duration, atol, longest) -> diffrax.PIDController:
@@ -238,6 +286,57 @@ def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
 
         run = eqx.tree_at(lambda sub: sub.fn, saveat.subs, decoded)
     return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
+
+
+def _begun(event: diffrax.Event, system, start, chart: AbstractChart | None, t0, t1) -> diffrax.Event:
+    """The event, whose conditions that are zero at the start count from there on: over the time passed since, or its square.
+
+    So a run that begins on a level ends when it comes back to it.
+    """
+    if isinstance(system, System):
+        equations = system.equations(default_chart(system) if chart is None else chart)
+        begin = equations.encode(t0, start)
+        decode: Any = equations.decode
+    else:
+        equations, begin, decode = system, start, lambda t, q, v: Phase(q, v)
+    acceleration = equations.acceleration(t0, *begin)
+
+    def onward(condition):
+        def value(passed):
+            q = begin.q + begin.v * passed + acceleration * (passed**2 / 2)
+            return condition(t0 + passed, decode(t0 + passed, q, begin.v + acceleration * passed), None)
+
+        if jax.eval_shape(value, t0).dtype == bool:
+            return condition
+
+        def slope(passed):
+            return jax.jvp(value, (passed,), (jnp.ones_like(passed),))
+
+        zero = jnp.zeros_like(t0)
+        (first, rise), (_, bend) = jax.jvp(slope, (zero,), (jnp.ones_like(zero),))
+        duration, rounding = t1 - t0, 64 * jnp.finfo(t0.dtype).eps
+        by_rise = jnp.abs(first) <= rounding * duration * jnp.abs(rise)
+        by_bend = (jnp.abs(first) <= rounding * duration**2 * jnp.abs(bend)) & ~(
+            jnp.abs(rise) > rounding * duration * jnp.abs(bend)
+        )
+
+        def counted(t, y, args, **rest):
+            passed = t - t0
+            over = jnp.where(passed > 0, passed, 1.0)
+            value = condition(t, y, args, **rest)
+            later = jnp.where(by_bend, value / over**2, value / over)
+            return jnp.where(by_rise | by_bend, jnp.where(passed > 0, later, jnp.where(by_bend, bend / 2, rise)), value)
+
+        return counted
+
+    conditions = jax.tree.map(onward, event.cond_fn, is_leaf=callable)
+    return diffrax.Event(conditions, event.root_finder, event.direction)
+
+
+def _which(happened: PyTree[Bool[Array, ""]]) -> Int[Array, ""]:
+    """The first of the conditions that happened; -1 if none did."""
+    found = jnp.stack(jax.tree.leaves(happened))
+    return jnp.where(jnp.any(found), jnp.argmax(found), -1)
 
 
 def _events(event: diffrax.Event | None, decode, margin: _Margin | None, dtype) -> diffrax.Event:

@@ -5,7 +5,7 @@ M v' = dL/dq + Q - dp/dt|_v - (dp/dq) v
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -13,6 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import checks
+from .signal import on_clock
 
 _UNROLLED = 6
 
@@ -46,6 +47,11 @@ class Lagrangian(eqx.Module):
         self.force = None if force is None else checks.carried(force)
         self.solve = None if solve is None else checks.carried(solve)
 
+    def delayed(self, t0: Float[Array, ""]) -> "Lagrangian":
+        """The same system on a clock that shows zero at t0 (s)."""
+        parts = [None if f is None else _Delayed(f, t0) for f in (self.function, self.force, self.solve)]
+        return Lagrangian(*parts)
+
     def momentum(self, t, q, v) -> Float[Array, " N"]:
         """p = dL/dv."""
         return jax.grad(self.function, argnums=2)(t, q, v)
@@ -68,6 +74,16 @@ class Lagrangian(eqx.Module):
     def energy(self, t, q, v) -> Float[Array, ""]:
         """H = p v - L, in J."""
         return self.momentum(t, q, v) @ v - self.function(t, q, v)
+
+
+class _Delayed(eqx.Module):
+    """A function of (t, q, v) on a clock that shows zero at t0."""
+
+    function: Any
+    t0: Float[Array, ""]
+
+    def __call__(self, t, q, v):
+        return on_clock(lambda t: self.function(t, q, v), self.t0, t)
 
 
 def solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Float[Array, " N"]:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +19,12 @@ from jax.extend import core
 from jaxtyping import Array
 
 from .arithmetic import Arithmetic, plain
+
+_LONG = 64  # numbers of a constant, beyond which it stays an array
+
+
+class Undivided(eqx.Module):
+    """A module whose arrays stay arrays: tables that are looked up in, all of whose numbers no lane needs at once."""
 
 
 @jax.tree_util.register_pytree_node_class
@@ -62,8 +69,8 @@ class Numbers:
 
 
 def scattered(tree: Any) -> Any:
-    """A pytree with every array of it as `Numbers`; scalars stay."""
-    return jax.tree.map(_scattered, tree)
+    """A pytree with every array of it as `Numbers`, but of what is `Undivided`; scalars stay."""
+    return jax.tree.map(_scattered, tree, is_leaf=lambda x: isinstance(x, Undivided))
 
 
 def gathered(tree: Any) -> Any:
@@ -89,8 +96,9 @@ def by_number(function: Callable[..., Any]) -> Callable[..., Any]:
         # JAX keeps what it traced of one and the same function: the stages of a step trace their force once.
         closed, out = jax.make_jaxpr(function, return_shape=True)(*jax.tree.unflatten(tree, shapes))
         tables = _evaluate(
-            closed.jaxpr, [_scattered_table(c) for c in closed.consts], [_table(x) for x in leaves], Arithmetic()
+            closed.jaxpr, [_constant(c) for c in closed.consts], [_table(x) for x in leaves], Arithmetic()
         )
+        tables = [_scattered_table(t) if _is_whole(t) else t for t in tables]
         results = [Numbers(map(plain, t.flat), t.shape) if t.ndim else plain(t.item()) for t in tables]
         return jax.tree.unflatten(jax.tree.structure(out), results)
 
@@ -117,12 +125,21 @@ def _dtype(x):
     )
 
 
-def _table(x) -> np.ndarray:
-    return x.table() if isinstance(x, Numbers) else _scattered_table(x)
+def _table(x) -> Any:
+    return x.table() if isinstance(x, Numbers) else _scattered_table(x) if np.ndim(x) == 0 else jnp.asarray(x)
+
+
+def _constant(x) -> Any:
+    return _scattered_table(x) if np.size(x) <= _LONG else jnp.asarray(x)
+
+
+def _is_whole(table: Any) -> bool:
+    """Whether a table of numbers is an array: nothing looks at its numbers one by one."""
+    return isinstance(table, jax.Array)
 
 
 def _scattered(x):
-    return x if np.ndim(x) == 0 else Numbers(_scattered_table(x).flat, np.shape(x))
+    return x if isinstance(x, Undivided) or np.ndim(x) == 0 else Numbers(_scattered_table(x).flat, np.shape(x))
 
 
 def _scattered_table(x: Any) -> np.ndarray:
@@ -162,7 +179,9 @@ def _operation(eqn, tables: list[np.ndarray], arithmetic: Arithmetic) -> list[np
     if name in _INNER:
         inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
         inner = inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
-        return _evaluate(inner.jaxpr, [_scattered_table(c) for c in inner.consts], tables, arithmetic)
+        return _evaluate(inner.jaxpr, [_constant(c) for c in inner.consts], tables, arithmetic)
+    if any(map(_is_whole, tables)):
+        return [_constant(x) for x in _on_arrays(eqn, tables)]
     if name in _MOVES:
         return [_MOVES[name](params, shape, *tables)]
     if name in ("split", "unstack"):
@@ -180,9 +199,14 @@ def _operation(eqn, tables: list[np.ndarray], arithmetic: Arithmetic) -> list[np
         for index in np.ndindex(shape):
             out[index] = arithmetic(eqn, [t[index] if t.ndim else t.item() for t in tables])
         return [out]
-    # Whatever else: on arrays, as it was written.
-    found = eqn.primitive.bind(*[_stacked(t) if t.ndim else plain(t.item()) for t in tables], **params)
-    return [_scattered_table(x) for x in (found if eqn.primitive.multiple_results else [found])]
+    return [_scattered_table(x) for x in _on_arrays(eqn, tables)]
+
+
+def _on_arrays(eqn, tables: list) -> list[Array]:
+    """Whatever else: on arrays, as it was written."""
+    arrays = [t if _is_whole(t) else _stacked(t) if t.ndim else plain(t.item()) for t in tables]
+    found = eqn.primitive.bind(*arrays, **eqn.params)
+    return found if eqn.primitive.multiple_results else [found]
 
 
 _INNER = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint"}

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from .reversal import ONCE, reversible
 from .splitting import AbstractSplit, AbstractStepped, Split
 from .tracking import passed
 
@@ -220,7 +221,7 @@ def _and_back(arrived: Walker, gradient, perturbed, moving, solver, table, walke
     sums, y_bar = pulled(close, sums, begin, 0, y, y_bar)
     _, y, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, step, (count, y, y_bar, sums))
     (split_bar, begin_bar, h_bar), y_bar = pulled(open_, sums, begin, 0, close(moving[0], begin, h, y), y_bar)
-    return split_bar, begin_bar, h_bar, y_bar
+    return reversible((split_bar, begin_bar, h_bar, y_bar), 0, ONCE)
 
 
 _walk_reversible.def_fwd(_there)

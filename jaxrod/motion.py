@@ -10,15 +10,31 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from . import checks
+from .signal import beyond, kinked, on_clock, signals, twice
 
 
 class AbstractMotion(eqx.Module):
-    """What holds the rod.  `dimension` is that of the space the director lives in."""
+    """What holds the rod.  `dimension` is that of the space the director lives in; `prescribed`, whether it is driven."""
 
     dimension: ClassVar[int]
+    prescribed: ClassVar[bool] = False
+
+    def unknown(self, t0: Float[Array, ""], t1: Float[Array, ""]) -> Bool[Array, ""]:
+        """Whether a `Record` of what is prescribed does not reach over a run from t0 to t1 (s)."""
+        return beyond(signals(self), t0, t1, may_end=False)
+
+    def unseen(self, times: Float[Array, " T"]) -> Bool[Array, ""]:
+        """Whether what is prescribed moves, though at none of these instants it is seen to be accelerated."""
+        del times
+        return jnp.asarray(False)
+
+    def delayed(self, t0: Float[Array, ""]) -> "AbstractMotion":
+        """The same motion on a clock that shows zero at t0 (s)."""
+        del t0
+        return self
 
 
 class AbstractPivoted(AbstractMotion):
@@ -57,7 +73,8 @@ class Driven(AbstractPivoted):
     """Turning about a fixed horizontal axis as a motor prescribes it; the strain is the only motion left.
 
     **Arguments:** `angle`, a function of time t (s) that gives the angle above the horizontal in rad, twice
-    differentiable (numbers in an Equinox module are differentiable); `pivot`, distance of the axis from the root in m.
+    differentiable (numbers in an Equinox module are differentiable), or a `Record` of it; `pivot`, distance of the axis
+    from the root in m.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
@@ -70,6 +87,7 @@ class Driven(AbstractPivoted):
     angle: Any
     pivot: Any
     dimension: ClassVar[int] = 2
+    prescribed: ClassVar[bool] = True
 
     def __init__(self, angle, pivot=0.0):
         if not callable(angle):
@@ -81,13 +99,24 @@ class Driven(AbstractPivoted):
 
     def turning(self, t) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         """Angle, rate and acceleration at time t."""
-        t = jnp.asarray(t) * 1.0
+        return twice(self.angle, jnp.asarray(t) * 1.0)
 
-        def rate(t):
-            return jax.jvp(lambda t: jnp.asarray(self.angle(t), t.dtype), (t,), (jnp.ones_like(t),))
+    def unseen(self, times):
+        angle, _, acceleration = jax.vmap(self.turning)(times)
+        return jnp.asarray(False) if signals(self) else kinked(angle, acceleration)
 
-        (angle, speed), (_, acceleration) = jax.jvp(rate, (t,), (jnp.ones_like(t),))
-        return angle, speed, acceleration
+    def delayed(self, t0):
+        return Driven(_Delayed(self.angle, t0), self.pivot)
+
+
+class _Delayed(eqx.Module):
+    """An angle on a clock that shows zero at t0."""
+
+    angle: Any
+    t0: Float[Array, ""]
+
+    def __call__(self, t):
+        return on_clock(lambda t: jnp.asarray(self.angle(t), t.dtype), self.t0, t)
 
 
 class Flight(AbstractMotion):

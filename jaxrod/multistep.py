@@ -12,10 +12,9 @@ The past is kept in differences of positions, whose rounding is that of the incr
 import functools
 import itertools
 from fractions import Fraction
-from typing import Any, ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -161,20 +160,6 @@ class Remembered(AbstractStepped):
 
     def lowest_strain(self, phases):
         return self.flat.lowest_strain(phases)
-
-
-def irreversible(tree: Any, why: str) -> Any:
-    """The same tree, whose reverse derivative is refused."""
-
-    @jax.custom_vjp
-    def same(tree):
-        return tree
-
-    def refused(_, bar):
-        raise ValueError(why)
-
-    same.defvjp(lambda tree: (tree, None), refused)
-    return same(tree)
 
 
 @functools.cache

@@ -128,7 +128,7 @@ def plan(
     tolerance = float(checks.positive("tolerance", tolerance, "the quantity's unit"))
     quantity = as_quantity(quantity)
     system, start = in_type("float64", (system, start))
-    begin, end = map(float, arguments.times(None, t1, t0, None, jnp.float64)[:2])
+    begin, end = arguments.interval(t1, t0)
     return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()
 
 

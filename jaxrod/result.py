@@ -13,7 +13,7 @@ from . import checks
 class _Sentences(enum.EnumMeta):
     """An enumeration whose `[code]` is the sentence of a code, or of each in an array of them."""
 
-    def __getitem__(cls, code: Any) -> Any:
+    def __getitem__(cls: Any, code: Any) -> Any:
         if isinstance(code, str):
             return super().__getitem__(code)
         if not checks.known(code):
@@ -65,6 +65,10 @@ class Result(enum.IntEnum, metaclass=_Sentences):
     invalid = (
         "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, a strain at or "
         "below -1, or an inertia beyond what their type holds: float32 ends at 1e-38)"
+    )
+    unseen = (
+        "a function of time is zero, or does not accelerate what it moves, at each of the 4,097 instants at which a run looks "
+        "at it; if it is meant to be more than that give a short load as jaxrod.Impulse, samples as jaxrod.Record"
     )
 
 

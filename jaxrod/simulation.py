@@ -7,6 +7,7 @@ top, 6e-7 for each radian turned; after a hundred turns, as the rounding of the 
 """
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from typing import Any
 
@@ -23,13 +24,14 @@ from .chart import AbstractChart
 from .checks import in_type
 from .choice import Plan
 from .defaults import best_solver, by_equal_steps, default_chart
-from .integration import integrate
+from .integration import by_the_clock, integrate
 from .lagrangian import Lagrangian, Phase
 from .ledger import is_closed
 from .motion import State, check_start
-from .multistep import AbstractMultistep, irreversible
+from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .result import Result, SimulationError
+from .reversal import reversible
 from .solution import Solution
 from .stepping import step_through
 from .symplectic import AbstractSymplectic
@@ -111,7 +113,8 @@ def simulate(
     else:
         start = Phase(*(jnp.asarray(x, dtype) for x in start))
 
-    t0, t1, ts = arguments.times(ts, t1, t0, saveat, dtype)
+    asked_times = {"t0": t0, "t1": t1} if ts is None else {"t0": t0, "ts": ts}
+    times = arguments.times(ts, t1, t0, saveat, dtype, by_the_clock=stepsize_controller is not None)
     if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint | Reversible):
         raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
     if not (isinstance(max_steps, int) and max_steps > 0):
@@ -144,19 +147,22 @@ def simulate(
     if n_steps is not None and not equal and not checks.known(n_steps):
         raise ValueError("n_steps= is traced, which only symplectic solvers and Unrolled() take; give a known number.")
 
+    knots, unknown = arguments.knots(system, times, equal, stepsize_controller, n_steps)
+    scene = system if times.clock is None else system.delayed(times.clock.astype(dtype))
+
     def through_diffrax(solver, why, longest=None):
         solution = integrate(
-            system, start, _fitting(system, chart, solver), t0, t1, ts,
+            scene, start, _fitting(scene, chart, solver), times.start, times.end, times.saved,
             jnp.maximum(_LOCAL * asked, _LEAST_LOCAL[asked.dtype.name]),
-            solver, stepsize_controller, dt0, n_steps, saveat, event,
+            solver, stepsize_controller, dt0, n_steps, *by_the_clock(times, saveat, event),
             diffrax.RecursiveCheckpointAdjoint() if adjoint is None or isinstance(adjoint, Reversible) else adjoint,
             diffrax.NoProgressMeter() if progress_meter is None else progress_meter,
-            max_steps, longest,
+            max_steps, longest, knots,
         )  # fmt: skip
         return _explained(solution, why)
 
     if equal:
-        solution = _explained(_step(system, start, t0, t1, ts, chosen, n_steps, asked, max_steps, adjoint), why)
+        solution = _explained(_step(scene, start, times, chosen, n_steps, asked, max_steps, adjoint, knots), why)
         failed = checks.fails(lambda ok: ok, solution.ok)
         if solver is None and n_steps is None and failed and not bool(solution.result == Result.invalid):
             # Steps that adapt may pass over a load that equal ones met: they are to look as closely.
@@ -165,6 +171,7 @@ def simulate(
             solution = through_diffrax(diffrax.Dopri8(), why, longest)
     else:
         solution = through_diffrax(chosen, why)
+    solution = _as_asked(solution, system, times, ts, unknown)
     if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     if budget is not None:
@@ -173,17 +180,17 @@ def simulate(
         if not isinstance(solution.states, State):
             raise ValueError(f"budget={budget!r} asks whole states; leave out fn= of saveat=.")
 
-        same = {"t0": t0, "event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
+        same = {"event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
         alike = {"tolerance": tolerance, "chart": chart, **step_keywords}
-        saved = {"t1": t1, "saveat": saveat} if ts is None else {"ts": ts}
+        saved = {**asked_times, "saveat": saveat} if ts is None else asked_times
 
         def run(system, start, least=None, times=None):
             how = alike if least is None else {"tolerance": least}
-            return simulate(system, start, **(saved if times is None else {"ts": times}), **same, **how)
+            return simulate(system, start, **(saved if times is None else {"t0": t0, "ts": times}), **same, **how)
 
         def own_times(quantity):  # a run of its own for what looks at more than the end that is saved
-            looked = quantity.times(t0, t1)
-            return looked.astype(dtype) if ts is None and saveat is None and looked.size > 1 else None
+            looked = quantity.times(t0, t1) if ts is None and saveat is None else None
+            return looked if looked is not None and looked.size > 1 else None
 
         found = budgets(quantities, system, start, solution, run, own_times)
         solution = dataclasses.replace(solution, budget=found if several else found[0])
@@ -197,9 +204,9 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
     if given:
         raise ValueError(f"tolerance= is a plan, which chooses them itself; leave out {', '.join(given)}.")
     arguments.check_scene(system, start)
-    t0, end, _ = arguments.times(others["ts"], others["t1"], others["t0"], others["saveat"], jnp.dtype(plan.dtype))
-    system, start = plan.applied(system, start, t0)
-    return simulate(system, start, **plan.steps(system, start, t0, end), **others)
+    times = arguments.times(others["ts"], others["t1"], others["t0"], others["saveat"], jnp.result_type(float))
+    system, start = plan.applied(system, start, others["t0"])
+    return simulate(system, start, **plan.steps(system, start, times.start, times.end), **others)
 
 
 class Reversible(eqx.Module):
@@ -255,25 +262,50 @@ def _explained(solution: Solution, why: str) -> Solution:
     return dataclasses.replace(solution, stats={**solution.stats, "why": Reason(why)})
 
 
-def _step(system, start, t0, t1, ts, solver, n_steps, tolerance, max_steps, adjoint) -> Solution:
-    ends = t1[None] if ts is None else ts
-    even = ends.size == 1 or _even(t0, ends)
+def _step(system, start, times: arguments.Times, solver, n_steps, tolerance, max_steps, adjoint, knots) -> Solution:
+    t0, ts = times.start, times.saved
+    ends = times.end[None] if ts is None else ts
+    even = ends.size == 1 or _even(t0, ends, times.clock)
     forwards = isinstance(adjoint, diffrax.ForwardMode)
     backwards = isinstance(solver, AbstractSymplectic) and not forwards
     n_steps = None if n_steps is None else jnp.asarray(n_steps, t0.dtype)  # so that another count is the same program
     solution = step_through(
-        system, start, t0, ends, solver, n_steps, tolerance, even, ts is None, max_steps, backwards
+        system, start, t0, ends, solver, n_steps, tolerance, even, ts is None, max_steps, backwards, knots
     )  # fmt: skip
     if isinstance(solver, AbstractMultistep) and not forwards:
         why = f"solver={type(solver).__name__}() has no reverse derivative; take BlanesMoan6(), or adjoint=diffrax.ForwardMode()."
-        solution = dataclasses.replace(solution, states=irreversible(solution.states, why))
+        solution = dataclasses.replace(solution, states=reversible(solution.states, 0, why))
     return solution
 
 
-def _even(t0, ts) -> bool:
-    """Whether save times are known to be equally spaced, from t0 or from the first."""
-    if not (checks.known(t0) and checks.known(ts)):
+def _even(t0, ts, clock) -> bool:
+    """Whether save times are known to be equally spaced, from t0 or from the first, to the rounding of their stamps."""
+    if ts.dtype != np.float64 or not all(map(checks.known, (t0, ts, 0.0 if clock is None else clock))):
         return False
-    legs = np.diff(np.asarray(ts), prepend=np.asarray(t0))
-    legs = legs[1:] if legs[0] == 0 else legs
-    return bool(np.ptp(legs) <= 1e-9 * np.abs(np.asarray(ts)).max()) if ts.dtype == np.float64 else False
+    ts = np.asarray(ts)
+    ts = ts if ts[0] == t0 else np.concatenate([[t0], ts])
+    off = np.abs(ts - np.linspace(ts[0], ts[-1], ts.size)).max()
+    stamp = max(abs(ts[-1]), 0.0 if clock is None else abs(float(clock)) + ts[-1])
+    return bool(off <= max(1e-9 * (ts[-1] - ts[0]) / ts.size, 4 * np.spacing(stamp)))
+
+
+def _as_asked(solution: Solution, system, times: arguments.Times, ts, unknown) -> Solution:
+    """The solution on the user's clock, of the scene as it was given, with what its loads let one know."""
+    if times.clock is not None:
+        stamps = times.clock + solution.ts.astype(times.clock.dtype)
+        if ts is not None:  # as they were given, to the last digit
+            stamps = jnp.where(jnp.isfinite(stamps), jnp.asarray(ts, stamps.dtype), jnp.nan)
+        stats = {**solution.stats, "t_end": times.clock + solution.stats["t_end"].astype(times.clock.dtype)}
+        solution = dataclasses.replace(solution, ts=stamps, stats=stats, system=system)
+    stats = dict(solution.stats)
+    unseen, code = stats.pop("unseen", None), solution.result
+    if unseen is not None and not checks.known(unseen):
+        code = Result.where((code == Result.ok) & unseen, Result.unseen, code)
+    elif unseen is not None and checks.fails(lambda unseen: ~unseen, unseen):
+        warnings.warn(Result.unseen.sentence, stacklevel=3)
+    if unknown is not None:
+        lost = jnp.where(unknown, jnp.nan, 1.0)
+        states = jax.tree.map(lambda x: x * lost.astype(x.dtype), solution.states)
+        code = Result.where(unknown, Result.invalid, code)
+        solution = dataclasses.replace(solution, states=states)
+    return dataclasses.replace(solution, result=code, stats=stats)

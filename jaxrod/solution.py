@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int8
+from jaxtyping import Array, Bool, Float, Int, Int8
 
 from . import checks
 from .lagrangian import Lagrangian
@@ -29,7 +29,7 @@ class Solution(eqx.Module):
     `ts` (T,) in s; `states`, a `State` with leading axis T (for a `Lagrangian` a pair q, v; with `SaveAt(fn=)` what it
     returned); `result`, a code of `Result`; `stats`, counts of steps, the mean `step` in s and `t_end`, the time in s the
     run reached; `start`, where it began; `method`, solver and coordinates; `budget`, the error of a quantity, of several
-    a tuple, if asked for.
+    a tuple, if asked for; `event`, which of the conditions of `event=` ended it, -1 if none did (None: none were given).
     What the run did not reach is NaN.
     """
 
@@ -41,6 +41,7 @@ class Solution(eqx.Module):
     start: Any
     method: str = eqx.field(static=True)
     budget: Any = None
+    event: Int[Array, "*scenes"] | None = None
 
     @property
     def ok(self) -> Bool[Array, "*scenes"]:
@@ -140,7 +141,7 @@ class Solution(eqx.Module):
             return f"Solution of {self.ts.shape[0]} scenes by {self.method}"
         lines = [
             f"{self.ts.size} times to t = {self.stats['t_end']:.6g} s by {self.method}, {self.stats['num_steps']} steps: "
-            f"{Result[self.result]}"
+            f"{Result[self.result] if self.event is None or self.event < 0 else f'condition {self.event} of event= ended it'}"
         ]
         if isinstance(self.states, State):
             for name, unit in (("angle", "rad"), ("strain", ""), ("energy", "J")):

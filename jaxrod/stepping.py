@@ -16,9 +16,12 @@ from .ledger import energy_change, is_closed, over, with_start
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motion import Driven, Flight, State
 from .multistep import AbstractMultistep, Remembered
+from .preview import INSTANTS, Preview, preview
 from .result import Result
+from .reversal import forward_refused
 from .solution import Solution
 from .splitting import AbstractStepped
+from .stops import Stops
 from .symplectic import ABA864, AbstractSymplectic
 from .system import System
 from .unrolled import Unrolled, Whole
@@ -29,7 +32,6 @@ _FINEST_SMALL_KICKS = 0.11  # ... kicks as strong as the springs; both measured:
 _LONGEST_PHASE = 3.0  # rad in a step of `BlanesMoan6`, which is stable up to 3.14
 _LONGEST_TURN = 0.4  # rad in a step
 _PRESSED = -2 / 3  # strain below which the default's steps are not trusted: benchmarks/random_extremes.py
-_LOOKS = 65  # times at which a prescribed rate is looked at
 _HARD = 0.05  # strain ahead above which steps of more than one strain shape are looked at twice
 _LINGERING = 0.2  # energy, from that of standing upside down, within which a run is looked at so too
 _HOPELESS = {"float64": 1e3, "float32": 2.0}  # strain ahead above which the default's steps are not trusted
@@ -44,9 +46,11 @@ _MOST = 2**30 - 1  # steps that are counted
 _OPEN_ENERGY = 0.3  # energy lost, in tolerances, above which steps were too long
 
 
-def step_size(system: System, start: State, solver: AbstractSymplectic, tolerance, t0, t1) -> Float[Array, ""]:
+def step_size(
+    system: System, start: State, solver: AbstractSymplectic, tolerance, t0, t1, looked: Preview | None
+) -> Float[Array, ""]:
     """Step in s with which the tip's relative error after 1,000 axial periods is about `tolerance`."""
-    turning = _turning(system, start, t0, t1) + 1 / jax.lax.stop_gradient(t1 - t0) ** 2
+    turning = _turning(system, start, t0, t1, looked) + 1 / jax.lax.stop_gradient(t1 - t0) ** 2
     finer = (tolerance / 1e-8) ** (1 / 6)
     axial = turning if system.basis.n == 0 else eigenvalues(system.body)[0]
     # Large strains make the kicks large too.  By how much is measured: benchmarks/random_extremes.py.
@@ -62,11 +66,13 @@ def step_size(system: System, start: State, solver: AbstractSymplectic, toleranc
     return jnp.minimum(step, _LONGEST_TURN * jnp.minimum(finer, 1.0) / jnp.sqrt(turning))
 
 
-def _turning(system: System, start: State, t0, t1) -> Float[Array, ""]:
-    """Square of the rate in rad/s at which the rod turns or swings, as far as its start shows."""
+def _turning(system: System, start: State, t0, t1, looked: Preview | None) -> Float[Array, ""]:
+    """Square of the rate in rad/s at which the rod turns or swings, as far as its start and its loads show."""
     square = start.direction_rate @ start.direction_rate
+    if looked is not None:
+        square = square + 2 * looked.gained * jnp.sqrt(square) + looked.gained**2
     if isinstance(system.motion, Driven):
-        square = jnp.max(jax.vmap(system.motion.turning)(jnp.linspace(t0, t1, _LOOKS))[1] ** 2)
+        square = jnp.max(jax.vmap(system.motion.turning)(jnp.linspace(t0, t1, INSTANTS))[1] ** 2)
     if system.gravity is not None and not isinstance(system.motion, Flight):
         weight = jnp.sqrt(jnp.sum(system.gravity**2))
         square = square + 4 * jnp.abs(weight * system.body.first_moments[0]) / system.body.mass_matrix[0, 0]
@@ -82,11 +88,15 @@ def _strain_ahead(system: System, start: State, turning) -> Float[Array, ""]:
     return jax.lax.stop_gradient(strain + turning / axial)
 
 
+@forward_refused()
 @eqx.filter_jit
 def step_through(
-    system, start, t0, ts, solver, n_steps, tolerance, even, end_only, max_steps, backwards
+    system, start, t0, ts, solver, n_steps, tolerance, even, end_only, max_steps, backwards, knots
 ) -> Solution:  # fmt: skip
-    """A run that saves at `ts` (T,), or where it ends: by `n_steps` equal steps in all, or by as many as `tolerance` takes."""
+    """A run that saves at `ts` (T,), or where it ends: by `n_steps` equal steps in all, or by as many as `tolerance` takes.
+
+    A step ends at each of `knots` too (None: there are none), and where functions of time are seen to change.
+    """
     given, given_ts, given_start = system, ts, start
     # What is invalid is run with ones for all its numbers: its own would keep its neighbours waiting.  Times, scene and
     # start each by itself, so that what is common to all lanes stays so under `vmap`.
@@ -96,18 +106,22 @@ def step_through(
     system = jax.tree.map(lambda x: jnp.where(sound, x, jnp.ones_like(x)), system)
     valid = system.valid(start)
     start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
-    counts = _counts(system, start, t0, ts, solver, n_steps, tolerance, even)
+    looked = preview(system, start, t0, ts[-1], knots)
+    stops = Stops.of(t0, ts, knots, looked if n_steps is None else None)
+    even = even and stops.inner is None
+    ends = stops.ends
+    counts = _counts(system, start, t0, ends, solver, n_steps, tolerance, even, looked)
     split = _stepped(system, start, t0, solver)
-    longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, ts), t0.dtype))
-    stable = jnp.max(jnp.diff(ts, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
+    longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, ends), t0.dtype))
+    stable = jnp.max(jnp.diff(ends, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
     taken = jnp.where(stable, jnp.clip(max_steps - (_summed(counts) - counts), 0, counts), 0)
     enough = taken == counts
     valid = valid & sound & valid_times
 
-    saved = march(solver, split, split.encode(start), start.turns, Route(t0, ts, counts, taken, even), backwards)
-    last = jax.tree.map(lambda x: x[-1], saved)
+    saved = march(solver, split, split.encode(start), start.turns, Route(t0, ends, counts, taken, even), backwards)
+    last, saved = jax.tree.map(lambda x: x[-1], saved), stops.at_saves(saved)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
-    reached = valid & ((end_only and not split.has_past) | ((saved.stopped == 0) & enough))
+    reached = valid & ((end_only and not split.has_past) | ((saved.stopped == 0) & stops.at_saves(enough)))
     code = Result.where(last.stopped == COLLAPSED, Result.collapsed, Result.ok)
     for stopped, why in ((DIVERGED, Result.diverged), (COARSE, Result.coarse), (NON_FINITE, Result.non_finite)):
         code = Result.where(last.stopped == stopped, why, code)
@@ -121,8 +135,10 @@ def step_through(
     if n_steps is None:  # steps counted from the start do not see how fast the rod turns when pressed together later
         code = Result.where((code == Result.ok) & (last.lowest < _PRESSED), Result.coarse, code)
     if n_steps is None:
-        trusted = _trusted(system, start, solver, split, t0, ts, tolerance, taken, states)
+        trusted = _trusted(system, start, solver, split, t0, ts, tolerance, stops, taken, states, looked)
         code = Result.where((code == Result.ok) & ~trusted, Result.coarse, code)
+    elif looked is not None:
+        code = Result.where((code == Result.ok) & looked.hides_in((ts[-1] - t0) / n_steps), Result.coarse, code)
     # By a product: what was not reached has no derivative, and zero would be taken for one.
     known = jnp.where(reached, 1.0, jnp.nan).astype(t0.dtype)
     states = jax.tree.map(lambda x: x * known.reshape((-1,) + (1,) * (x.ndim - 1)), states)
@@ -139,6 +155,7 @@ def step_through(
             "longest_step": longest,
             "lowest_strain": last.lowest,
             "step": (last.t - t0) / jnp.maximum(steps, 1),
+            **({} if looked is None else {"unseen": looked.unseen}),
         },
         system=given,
         start=given_start,
@@ -146,14 +163,26 @@ def step_through(
     )
 
 
-def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, taken, states: State) -> Bool[Array, ""]:
+def _trusted(
+    system: System,
+    start: State,
+    solver,
+    split,
+    t0,
+    ts,
+    tolerance,
+    stops: Stops,
+    taken,
+    states: State,
+    previewed: Preview | None,
+) -> Bool[Array, ""]:
     """Whether steps that were counted from the start were short enough for what came.
 
     Fewer are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it, where
     the rod may linger upside down, and in float32, whose rounding it does not show.
     """
     name, closed = t0.dtype.name, is_closed(system)
-    ahead = _strain_ahead(system, start, _turning(system, start, t0, ts[-1]))
+    ahead = _strain_ahead(system, start, _turning(system, start, t0, ts[-1], previewed))
     trusted = isinstance(system.motion, Driven) | (ahead <= _HOPELESS[name])
     if name == "float32" and system.basis.n > 1:
         trusted = trusted & (_condition(system) * jnp.finfo(t0.dtype).eps <= tolerance)
@@ -164,7 +193,7 @@ def _trusted(system: System, start: State, solver, split, t0, ts, tolerance, tak
     parts = min(_SEEN, ts.size)
     whole = jnp.asarray(always) | (ahead > _HARD) | _may_linger(system, start)
     looked = whole | ((jnp.arange(parts) == 0) & (parts > 1))
-    off = _off_by_fewer(system, solver, split, start, t0, ts, taken, states, looked)
+    off = _off_by_fewer(system, solver, split, start, t0, ts, stops, taken, states, looked)
     turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
     bound = _UNRESOLVED[name] * (tolerance + _EACH_RADIAN[name] * turned) * jnp.where(whole, 1.0, _AT_FIRST)
     return trusted & jnp.all((off <= bound) | ~looked)
@@ -190,17 +219,20 @@ def _condition(system: System) -> Float[Array, ""]:
 
 
 def _off_by_fewer(
-    system: System, solver, split, start: State, t0, ts, steps, states: State, looked: Bool[Array, " K"]
+    system: System, solver, split, start: State, t0, ts, stops: Stops, steps, states: State, looked: Bool[Array, " K"]
 ) -> Float[Array, " K"]:
-    """By how much the tip is elsewhere with fewer than `steps` (T,), over the furthest it was out, at least the length.
+    """By how much the tip is elsewhere with fewer than `steps`, over the furthest it was out, at least the length.
 
     At K of the save times, the first ones that are `looked` at: at the end alone two errors that oscillate may meet.
     """
     seen = np.unique(np.linspace(0, ts.size - 1, looked.size + 1)[1:].astype(int))
-    legs = jnp.diff(_summed(steps)[seen], prepend=0)
-    fewer = jnp.where(legs == 1, 2, jnp.round(_FEWER * legs).astype(legs.dtype)) * looked
-    route = Route(t0, ts[seen], fewer, fewer, ts.size == 1)
-    other = march(solver, split, split.encode(start), start.turns, route, False)
+    halts = Stops.merged(t0, ts[seen], stops.inner)
+    reached = seen if stops.inner is None else stops.last_until(halts.ends)
+    legs = jnp.diff(_summed(steps)[reached], prepend=0)
+    fewer = jnp.where(legs == 1, 2, jnp.round(_FEWER * legs).astype(legs.dtype))
+    fewer = fewer * looked if stops.inner is None else fewer  # loads are looked at to the end
+    route = Route(t0, halts.ends, fewer, fewer, halts.ends.size == 1)
+    other = halts.at_saves(march(solver, split, split.encode(start), start.turns, route, False))
 
     def tip(state: State) -> Float[Array, " D"]:  # in flight from the centre of mass
         return system.body.reach(state.amplitudes) * state.direction
@@ -222,19 +254,24 @@ def _stepped(system: System, start: State, t0, solver: Any) -> AbstractStepped:
     return system.split(start, t0, solver.small_kicks)
 
 
-def _counts(system, start, t0, ts, solver, n_steps, tolerance, even) -> Int[Array, " T"]:
-    """Steps to each save time."""
+def _counts(system, start, t0, ts, solver, n_steps, tolerance, even, looked: Preview | None) -> Int[Array, " T"]:
+    """Steps to each of the times `ts`."""
     legs = jnp.diff(ts, prepend=t0)
+    least = jnp.where(legs > 0, 1.0, 0.0)
+    if looked is not None and n_steps is None:
+        finer = jnp.minimum((tolerance / 1e-8) ** (1 / 6), 1.0)
+        changes = looked.steps(jnp.concatenate([t0[None], ts[:-1]]), ts) / finer
+        least = jnp.maximum(least, jnp.ceil(jax.lax.stop_gradient(changes)))
 
     def counts(size):
-        each = jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6)
+        each = jnp.maximum(jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6), least)
         if even:  # one size for all
             each = jnp.where(legs > 0, jnp.max(each), 0.0)
         return jnp.clip(jnp.nan_to_num(each, nan=_MOST), 0, _MOST)
 
     if n_steps is not None:
         return counts((ts[-1] - t0) / n_steps).astype(jnp.int32)
-    size = step_size(system, start, solver, tolerance, t0, ts[-1])
+    size = step_size(system, start, solver, tolerance, t0, ts[-1], looked)
     if system.basis.n < 2:
         return counts(size).astype(jnp.int32)
     tried = jax.vmap(counts)(_SHORTER * size)

@@ -21,6 +21,7 @@ from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, 
 from .prescribed import Prescribed
 from .projection import Projection
 from .rod import Lumped, Rod
+from .signal import signals
 from .splitting import AbstractSplit
 from .starting import started
 
@@ -195,6 +196,26 @@ class System(eqx.Module):
         if isinstance(self.rod, Lumped):
             return jnp.broadcast_to(state.strain, jnp.shape(s))
         return state.amplitudes @ self.basis.strains(self.rod, jnp.asarray(s), self._pivot, self._free)
+
+    # ---- time
+
+    @property
+    def knots(self) -> Float[Array, " K"] | None:
+        """Times in s at which a step is to end: those of every `Record` and `Impulse` in it; None if there are none."""
+        found = signals((self.motion, self.forces))
+        return jnp.concatenate([signal.knots for signal in found]) if found else None
+
+    def unknown(self, t0: Float[Array, ""], t1: Float[Array, ""]) -> Any:
+        """Whether a run from t0 to t1 (s) leaves a `Record`."""
+        unknown = self.motion.unknown(t0, t1)
+        for force in self.forces:
+            unknown = unknown | force.unknown(t0, t1)
+        return unknown
+
+    def delayed(self, t0: Float[Array, ""]) -> "System":
+        """The same scene on a clock that shows zero at t0 (s)."""
+        forces = tuple(force.delayed(t0) for force in self.forces)
+        return eqx.tree_at(lambda s: (s.motion, s.forces), self, (self.motion.delayed(t0), forces))
 
     # ---- equations of motion
 

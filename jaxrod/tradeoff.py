@@ -140,7 +140,7 @@ def tradeoff(
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
     quantity = as_quantity(quantity)
-    t0, t1 = map(float, arguments.times(None, t1, t0, None, jnp.float64)[:2])
+    t0, t1 = arguments.interval(t1, t0)
     ts, begun = quantity.times(t0, t1), time.perf_counter()
     true, own_error, reference = _reference(system, start, quantity, t0, ts, static)
     if np.isnan(true).any():

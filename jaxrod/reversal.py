@@ -1,0 +1,55 @@
+"""Reverse derivatives that are refused in one sentence, where JAX would stop in the middle of a loop.  Knows no rods."""
+
+import contextlib
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
+
+FORWARD = (
+    "a run has no forward derivative by default; give simulate adjoint=diffrax.ForwardMode(), and of second "
+    "derivatives take both forward: jax.jacfwd(jax.jacfwd(f))"
+)
+ONCE = (
+    "a run has no reverse derivative of a reverse derivative; take the outer one forward, as jax.hessian does: "
+    "jax.jacfwd(jax.grad(f))"
+)
+
+# The identity; a reverse derivative goes through it `times` times, one more is refused.
+_limited = Primitive("limited_reversal")
+_limited.def_impl(lambda x, *, times, why: x)
+_limited.def_abstract_eval(lambda x, *, times, why: x)
+mlir.register_lowering(_limited, mlir.lower_fun(lambda x, *, times, why: x, multiple_results=False))
+batching.defvectorized(_limited)
+
+
+def _reversed(bar, _, *, times, why):
+    if times == 0:
+        raise ValueError(why)
+    return [bar if type(bar) is ad.Zero else _limited.bind(bar, times=times - 1, why=why)]
+
+
+ad.deflinear2(_limited, _reversed)
+
+
+def reversible(tree: Any, times: int, why: str) -> Any:
+    """The same tree of arrays, with at most so many reverse derivatives one of the other; `why`, what is said of more."""
+    return jax.tree.map(lambda x: _limited.bind(x, times=times, why=why) if _is_float(x) else x, tree)
+
+
+@contextlib.contextmanager
+def forward_refused() -> Iterator[None]:
+    """Says `FORWARD` where JAX would speak of its rules."""
+    try:
+        yield
+    except TypeError as error:
+        if "custom_vjp" not in str(error):
+            raise
+        raise ValueError(FORWARD) from None
+
+
+def _is_float(x: Any) -> bool:
+    return isinstance(x, jax.Array) and jnp.issubdtype(x.dtype, jnp.inexact)

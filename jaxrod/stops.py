@@ -1,0 +1,47 @@
+"""Where steps end: at the times that are saved, and where loads change in between."""
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from .preview import Preview
+
+_BESIDE = 1e-11  # of a run's length, below which a knot counts as a save time
+
+
+class Stops(eqx.Module):
+    """Times at which a step ends: save times, and `inner` ones; `saves`, where the save times are among `ends`."""
+
+    ends: Float[Array, " E"]
+    saves: Int[Array, " T"] | None
+    inner: Float[Array, " K"] | None
+
+    @staticmethod
+    def of(t0, ts: Float[Array, " T"], knots, looked: Preview | None) -> "Stops":
+        """The save times, with `knots` and those of what was looked at, if there are any."""
+        inner = [x for x in (knots, None if looked is None else looked.knots) if x is not None]
+        return Stops.merged(t0, ts, jnp.concatenate(inner).astype(ts.dtype) if inner else None)
+
+    @staticmethod
+    def merged(t0, ts, inner) -> "Stops":
+        if inner is None:
+            return Stops(ts, None, None)
+        # A knot by a save time becomes that time, derivative and all: no leg of rounding's length is left between them.
+        inner = jnp.clip(jax.lax.stop_gradient(inner), t0, ts[-1])
+        after = jnp.clip(jnp.searchsorted(ts, inner), 0, ts.size - 1)
+        before = jnp.maximum(after - 1, 0)
+        nearest = jnp.where(jnp.abs(ts[before] - inner) < jnp.abs(ts[after] - inner), ts[before], ts[after])
+        beside = jnp.abs(nearest - inner) <= _BESIDE * (ts[-1] - t0)
+        ends = jnp.sort(jnp.concatenate([ts, jnp.where(beside, nearest, inner)]))
+        return Stops(ends, jnp.searchsorted(ends, ts, side="right") - 1, inner)
+
+    def last_until(self, t) -> Int[Array, " *any"]:
+        """The last of `ends` that is not after t."""
+        return jnp.clip(jnp.searchsorted(self.ends, t, side="right") - 1, 0, self.ends.size - 1)
+
+    def at_saves(self, tree: Any) -> Any:
+        """Rows of all ends, at the save times."""
+        return tree if self.saves is None else jax.tree.map(lambda x: x[self.saves], tree)

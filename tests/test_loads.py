@@ -1,0 +1,261 @@
+"""Loads and drives as functions of time: none is passed over, and what cannot be seen is said.
+
+Right values: closed forms, and SciPy's DOP853 at 1e-12 where a number is given.
+"""
+
+import dataclasses
+import math
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import jaxrod
+
+ROTATION, RIGID = jaxrod.Rotation(), jaxrod.Ritz(0)
+
+
+def scene(rod, *forces, basis=RIGID, motion=ROTATION, gravity=None):
+    return jaxrod.System(rod, motion, basis, gravity=gravity, forces=forces)
+
+
+def pulse(begin, width, total=1.0):
+    """A smooth blow, as a bare function."""
+
+    def strength(t, *_):
+        inside = (t > begin) & (t < begin + width)
+        return jnp.where(inside, total / width * (1 - jnp.cos(2 * jnp.pi * (t - begin) / width)), 0.0)
+
+    return strength
+
+
+def record(begin, width, total=1.0, samples=201):
+    part = jnp.linspace(0.0, 1.0, samples)
+    return jaxrod.Record(begin + width * part, total / width * (1 - jnp.cos(2 * jnp.pi * part)))
+
+
+# ---- blows
+
+
+@pytest.mark.parametrize("width", [1.0, 0.01, 1e-5])
+@pytest.mark.parametrize("load", [jaxrod.Impulse, record])
+def test_blow_on_a_rigid_rod(uniform, width, load):
+    load = load(1.0, 5.0, width) if load is jaxrod.Impulse else load(5.0, width)
+    system = scene(uniform, jaxrod.Torque(load))
+    sol = jaxrod.simulate(system, system.state(), t1=10.0)
+    rate = 1 / uniform.moment_of_inertia()
+    np.testing.assert_allclose(sol.rate[-1], rate, rtol=1e-9)
+    np.testing.assert_allclose(sol.angle[-1], rate * (5 - width / 2), rtol=1e-9)
+
+
+@pytest.mark.parametrize("width", [1.0, 0.1, 0.01])
+def test_blow_as_a_bare_function(uniform, width):
+    system = scene(uniform, jaxrod.Torque(pulse(5.0, width)))
+    sol = jaxrod.simulate(system, system.state(), t1=10.0)
+    np.testing.assert_allclose(sol.rate[-1], 1 / uniform.moment_of_inertia(), rtol=1e-9)
+
+
+def test_blow_where_steps_adapt(uniform):
+    for load in (pulse(5.0, 0.1), jaxrod.Impulse(1.0, 5.0, 0.1), record(5.0, 0.1)):
+        system = scene(uniform, jaxrod.PivotFriction(0.1), jaxrod.Torque(load))
+        sol = jaxrod.simulate(system, system.state(), t1=10.0)
+        np.testing.assert_allclose(sol.rate[-1], 0.6779468062, rtol=1e-8)  # quadrature of the impulse response
+
+
+def test_blow_on_a_rod_that_stretches(uniform):
+    """What a blow along the rod leaves is an oscillation of known size: the pulse's Fourier transform at its rate."""
+    width, total = 1e-4, 0.05
+    system = scene(uniform, jaxrod.TipForce(jaxrod.Impulse(total, 0.02, width)), basis=jaxrod.Ritz(1))
+    sol = jaxrod.simulate(system, system.state(), ts=jnp.linspace(0.021, 0.06, 200))
+    omega = 2 * jnp.pi * jaxrod.natural_frequencies(system)[0]
+    x = omega * width
+    transformed = jnp.sin(x / 2) / (x / 2) / (1 - (x / (2 * jnp.pi)) ** 2)
+    inertia = system.body.mass_matrix[1, 1]
+    amplitude = total * uniform.length * transformed / (inertia * omega)  # of the tip, z' = total l / M
+    found = jnp.sqrt(sol.strain**2 + (sol.strain_rate / omega) ** 2)
+    np.testing.assert_allclose(found, amplitude, rtol=1e-8)
+
+
+def test_blow_between_two_looks_is_said(uniform):
+    system = scene(uniform, jaxrod.Torque(pulse(5.0006, 1e-3)))
+    with pytest.warns(UserWarning, match=r"jaxrod\.Impulse, samples as jaxrod\.Record"):
+        jaxrod.simulate(system, system.state(), t1=10.0)
+
+
+def test_sweep_of_blows(uniform):
+    """A narrow one is seen, or has a code; no lane is silently zero."""
+
+    def rate(width):
+        system = scene(uniform, jaxrod.Torque(eqx.Partial(lambda width, t, _: pulse(5.0006, width)(t), width)))
+        sol = jaxrod.simulate(system, system.state(), t1=10.0)
+        return {"rate": sol.rate[-1], "result": sol.result}
+
+    with pytest.warns(UserWarning, match="1 scenes did not end ok"):
+        out = jaxrod.sweep(rate, jnp.array([3.0, 0.3, 0.03, 1e-3]))
+    seen = out["result"] == jaxrod.Result.ok
+    np.testing.assert_array_equal(seen, [True, True, True, False])
+    np.testing.assert_allclose(out["rate"][seen], 1 / uniform.moment_of_inertia(), rtol=1e-8)
+    assert out["result"][-1] == jaxrod.Result.unseen
+
+
+def test_sweep_of_impulses(uniform):
+    def rate(width):
+        system = scene(uniform, jaxrod.Torque(jaxrod.Impulse(1.0, 5.0, width)))
+        sol = jaxrod.simulate(system, system.state(), t1=10.0)
+        return {"rate": sol.rate[-1], "result": sol.result}
+
+    out = jaxrod.sweep(rate, jnp.geomspace(1e-5, 1.0, 6))
+    np.testing.assert_allclose(out["rate"], 1 / uniform.moment_of_inertia(), rtol=1e-9)
+
+
+def test_given_steps_that_pass_over_a_load(uniform):
+    system = scene(uniform, jaxrod.Torque(pulse(5.0, 0.3)))
+    sol = jaxrod.simulate(system, system.state(), t1=10.0, solver=jaxrod.BlanesMoan6(), n_steps=20, throw=False)
+    assert sol.result == jaxrod.Result.coarse
+    system = scene(uniform, jaxrod.Torque(jaxrod.Impulse(1.0, 5.0, 0.3)))
+    sol = jaxrod.simulate(system, system.state(), t1=7.0, solver=jaxrod.BlanesMoan6(), n_steps=20)
+    np.testing.assert_allclose(sol.rate[-1], 1 / uniform.moment_of_inertia(), rtol=1e-9)
+    with pytest.raises(ValueError, match="pass over a Record or an Impulse"):
+        jaxrod.simulate(system, system.state(), t1=7.0, solver=diffrax.Dopri8(), n_steps=20)
+
+
+def test_a_load_that_is_meant_to_be_zero_in_the_state_is_not_questioned(uniform):
+    """A spring that is slack at the start, a torque against a rod at rest."""
+    system = scene(uniform, jaxrod.Torque(lambda t, state: -0.1 * state.angle), jaxrod.Torque(lambda t, state: -state.rate))
+    assert jaxrod.simulate(system, system.state(), t1=0.1).ok
+
+
+# ---- bases and drives
+
+
+def _shaken(uniform, base):
+    system = scene(uniform, base, gravity=9.81)
+    return jaxrod.simulate(system, system.state(angle=-math.pi / 2), t1=1.5).angle[-1] + math.pi / 2
+
+
+RIGHT = -0.11009721645  # SciPy, of the formula
+
+
+def test_base_from_a_record(uniform):
+    times = jnp.linspace(0.0, 2.0, 2001)
+    along = jaxrod.Record(times, 0.05 * jnp.sin(2 * jnp.pi * times))
+    place = jaxrod.Record(times, jnp.stack([along.samples, 0 * times], axis=1))
+    acceleration = jaxrod.Record(times, -((2 * jnp.pi) ** 2) * place.samples)
+    for base in (
+        jaxrod.ShakenBase(lambda t: 0.05 * jnp.stack([jnp.sin(2 * jnp.pi * t), 0.0 * t])),
+        jaxrod.ShakenBase(place),
+        jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])),  # found in the closure
+        jaxrod.ShakenBase(acceleration=acceleration),
+    ):
+        assert abs(_shaken(uniform, base) - RIGHT) < 1e-9
+
+
+@pytest.mark.parametrize("method", ["linear", "hold", "trolley"])
+def test_base_that_cannot_be_differentiated_is_said(uniform, method):
+    times = jnp.linspace(0.0, 2.0, 2001)
+    samples = 0.05 * jnp.sin(2 * jnp.pi * times)
+    along = {
+        "linear": lambda t: jnp.interp(t, times, samples),
+        "hold": lambda t: samples[jnp.searchsorted(times, t)],
+        "trolley": lambda t: jnp.where(t > 1.0, 0.5 * (t - 1.0), 0.0),
+    }[method]
+    with pytest.warns(UserWarning, match=r"jaxrod\.Record"):
+        _shaken(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])))
+
+
+def test_trolley_from_a_record(uniform):
+    """It starts within a sample: the rate jumps by -S v / I."""
+    times = jnp.linspace(0.0, 2.5, 2501)
+    place = jnp.stack([jnp.where(times > 1.0, 0.5 * (times - 1.0), 0.0), 0 * times], axis=1)
+    system = scene(uniform, jaxrod.ShakenBase(jaxrod.Record(times, place)), gravity=9.81)
+    sol = jaxrod.simulate(system, system.state(angle=-math.pi / 2), ts=jnp.array([1.01, 2.0]))
+    assert abs(sol.rate[0] + 0.75) < 2e-3  # less the swing of 1 cs
+    assert abs(sol.angle[1] + math.pi / 2 - 0.12398939) < 5e-4  # of a start at one instant; SciPy
+
+
+def test_uniform_motion_of_base_and_drive_is_not_questioned(uniform):
+    base = scene(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([3.0 * t, 1.0 + 0.0 * t])))
+    assert jaxrod.simulate(base, base.state(), t1=1.0).angle[-1] == 0.0
+    driven = scene(uniform, motion=jaxrod.Driven(lambda t: 15.0 * t), basis=jaxrod.Ritz(1))
+    assert jaxrod.simulate(driven, driven.state(), t1=0.1).ok
+
+
+def test_drive_from_a_record(uniform):
+    times = jnp.linspace(0.0, 0.5, 501)
+    formula = scene(uniform, motion=jaxrod.Driven(lambda t: 40 * t**2), basis=jaxrod.Ritz(2))
+    found = [
+        jaxrod.simulate(s, s.state(), t1=0.3).strain[-1]
+        for s in (formula, dataclasses.replace(formula, motion=jaxrod.Driven(jaxrod.Record(times, 40 * times**2))))
+    ]
+    np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+    kinked = scene(uniform, motion=jaxrod.Driven(lambda t: jnp.interp(t, times, 40 * times**2)), basis=jaxrod.Ritz(1))
+    with pytest.warns(UserWarning, match=r"jaxrod\.Record"):
+        jaxrod.simulate(kinked, kinked.state(), t1=0.3)
+
+
+# ---- records themselves
+
+
+def test_a_run_must_not_leave_a_record(uniform):
+    times = jnp.linspace(0.0, 1.0, 101)
+    shaken = scene(uniform, jaxrod.ShakenBase(jaxrod.Record(times, jnp.stack([times**3, 0 * times], axis=1))))
+    with pytest.raises(ValueError, match="does not reach over the run, from 0 to 1.5 s"):
+        jaxrod.simulate(shaken, shaken.state(), t1=1.5)
+    pushed = scene(uniform, jaxrod.Torque(jaxrod.Record(times, 1.0 + times)))
+    with pytest.raises(ValueError, match="does not reach over the run"):
+        jaxrod.simulate(pushed, pushed.state(), t0=-1.0, t1=0.5)
+    codes = jax.vmap(lambda t1: jaxrod.simulate(pushed, pushed.state(), t1=t1).result)(jnp.array([0.5, 1.5]))
+    np.testing.assert_array_equal(codes, [jaxrod.Result.ok, jaxrod.Result.invalid])
+
+
+def test_record_is_smooth_and_without_waves_at_jumps():
+    def error(samples):
+        times = jnp.linspace(0.0, 1.0, samples)
+        found = jaxrod.Record(times, jnp.sin(2 * jnp.pi * times))
+        x = jnp.linspace(0.0, 1.0, 999)
+        second = jax.vmap(jax.grad(jax.grad(lambda t: found(t))))(x)
+        return jnp.abs(second + (2 * jnp.pi) ** 2 * jnp.sin(2 * jnp.pi * x)).max()
+
+    assert 2.5 < math.log2(error(101) / error(201)) < 3.6  # order 3 in the second derivative
+    for times in (np.linspace(0, 1, 11), np.array([0.0, 0.1, 0.2, 0.3, 0.3 + 1e-6, 0.4, 0.5, 1.0])):
+        jump = jaxrod.Record(times, np.where(times > 0.3 + 1e-9, 1.0, 0.0))
+        found = jax.vmap(jump)(jnp.linspace(0.0, 1.0, 2001))
+        assert found.min() >= -1e-12 and found.max() <= 1 + 1e-12
+    assert jaxrod.Record([0.0, 1.0], [2.0, 4.0])(0.5) == 3.0
+
+
+def test_records_are_differentiable(uniform):
+    times = jnp.linspace(0.0, 1.0, 21)
+
+    def angle(strength, **how):
+        system = scene(uniform, jaxrod.Torque(jaxrod.Record(times, strength * jnp.sin(jnp.pi * times) ** 2)))
+        return jaxrod.simulate(system, system.state(), t1=1.0, **how).angle[-1]
+
+    # Without gravity the angle is the load's, once more for a load of one.
+    np.testing.assert_allclose(jax.grad(angle)(0.3), angle(1.0), rtol=1e-8)
+    forward = jax.jacfwd(lambda a: angle(a, adjoint=diffrax.ForwardMode()))(0.3)
+    np.testing.assert_allclose(forward, angle(1.0), rtol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("times", "samples", "sentence"),
+    [
+        ([0.0], [1.0], "holds one time"),
+        ([0.0, 0.0, 1.0], [1.0, 2.0, 3.0], r"must increase, but times\[0\]=0 is followed by 0"),
+        ([0.0, 1.0], [1.0, 2.0, 3.0], r"has shape \(3,\) for 2 times"),
+        ([0.0, 1.0], [1.0, math.nan], "not finite"),
+    ],
+)
+def test_wrong_records(times, samples, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        jaxrod.Record(times, samples)
+
+
+def test_wrong_impulse_and_base():
+    with pytest.raises(ValueError, match="width=.*must be positive"):
+        jaxrod.Impulse(1.0, 0.0, 0.0)
+    with pytest.raises(ValueError, match="neither of position= and acceleration="):
+        jaxrod.ShakenBase()
