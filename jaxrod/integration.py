@@ -84,7 +84,7 @@ def integrate(
         steps = diffrax.ConstantStepSize()
     elif stepsize_controller is None:
         if looked is not None:  # error control sees what changes, once a step ends there
-            most = (t1 - t0) / jnp.maximum(looked.steps(t0, t1), 1.0)
+            most = (t1 - t0) / jnp.maximum(looked.mean_steps, 1.0)
             longest = most if longest is None else jnp.minimum(most, longest)
         by_error = _by_error(system, start, y0, t0, t1 - t0, atol, longest)
         steps = _ending_at(Stops.of(t0, t1[None] if ts is None else ts, knots, looked), by_error, t0, ts is not None)

@@ -20,14 +20,14 @@ from .signal import signals
 from .system import System
 
 INSTANTS = 4097
-_KNOTS = 32
+_PARTS = 16  # of the activity, between which steps end
 _SHARE = 0.3  # of its largest size, by which a load may change in a step: 13 steps for a period of a sine
 _COMES_AND_GOES = 1.5  # activity within one step that hides a pulse in it
 
 
 class Preview(eqx.Module):
-    """What was seen: the instants (T,) in s, the activity until each, the most by which loads change the rate at which the
-    rod turns (rad/s), and whether a function of time may have been missed."""
+    """What was seen: the instants (T,) in s, the activity of bare functions until each, the most by which loads change the
+    rate at which the rod turns (rad/s), and whether a function of time may have been missed."""
 
     instants: Float[Array, " T"]
     activity: Float[Array, " T"]
@@ -36,23 +36,30 @@ class Preview(eqx.Module):
 
     @property
     def knots(self) -> Float[Array, " K"]:
-        """Times in s between which the activity is alike."""
-        ramp = jnp.linspace(0.0, 1e-6, self.instants.size, dtype=self.activity.dtype)
-        rising = self.activity + ramp * jnp.maximum(self.activity[-1], 1e-6)
-        shares = jnp.linspace(0.0, 1.0, _KNOTS + 1, dtype=rising.dtype) * rising[-1]
-        return jnp.interp(shares, rising, self.instants)
+        """Instants about the times that part the activity evenly, its begin and its end among them."""
+        shares = jnp.linspace(0.0, 1.0, _PARTS + 1, dtype=self.activity.dtype).at[0].set(1e-9).at[-1].set(1 - 1e-9)
+        after = jnp.searchsorted(self.activity, shares * self.activity[-1])
+        return self.instants[jnp.concatenate([jnp.maximum(after - 1, 0), jnp.minimum(after, self.instants.size - 1)])]
 
-    def steps(self, begin: Float[Array, "*any"], end: Float[Array, "*any"]) -> Float[Array, "*any"]:
-        """How many steps resolve what changes between two times."""
-        return self._between(begin, end) / _SHARE
+    def steps(self, ends: Float[Array, " E"]) -> Float[Array, " E"]:
+        """How many steps to each of these times, from the one before, resolve what changes fastest between the two."""
+        begins = jnp.concatenate([self.instants[:1], ends[:-1]])
+        length = jnp.diff(self.instants)
+        pace = jnp.where(length > 0, jnp.diff(self.activity) / jnp.where(length > 0, length, 1.0), 0.0)
+        there = jnp.clip(jnp.searchsorted(self.instants, begins, side="right") - 1, 0, pace.size - 1)
+        leg = jnp.clip(jnp.searchsorted(ends, self.instants[:-1], side="right"), 0, ends.size - 1)
+        fastest = pace[there].at[leg].max(pace)
+        return fastest * (ends - begins) / _SHARE
+
+    @property
+    def mean_steps(self) -> Float[Array, ""]:
+        """How many steps resolve the whole run, were it to change alike all the time."""
+        return self.activity[-1] / _SHARE
 
     def hides_in(self, h: Float[Array, ""]) -> Bool[Array, ""]:
         """Whether a load comes and goes within a step of h s."""
-        ends = jnp.minimum(self.instants + h, self.instants[-1])
-        return jnp.max(self._between(self.instants, ends)) > _COMES_AND_GOES
-
-    def _between(self, begin, end):
-        return jnp.interp(end, self.instants, self.activity) - jnp.interp(begin, self.instants, self.activity)
+        later = jnp.interp(self.instants + h, self.instants, self.activity)
+        return jnp.max(later - self.activity) > _COMES_AND_GOES
 
 
 def preview(system: System | Lagrangian, start: Any, t0, t1, knots: Float[Array, " K"] | None) -> Preview | None:
@@ -62,8 +69,9 @@ def preview(system: System | Lagrangian, start: Any, t0, t1, knots: Float[Array,
         return None
     even = t0 + (t1 - t0) * jnp.linspace(0.0, 1.0, INSTANTS, dtype=t0.dtype)
     instants = even if knots is None else jnp.sort(jnp.concatenate([even, jnp.clip(knots, t0, t1)]))
-    pushes = [jnp.nan_to_num(jax.vmap(load)(instants)) for load in loads]
-    activity = sum(map(_activity, pushes), jnp.zeros_like(instants))
+    pushes = [jnp.nan_to_num(jax.vmap(load)(instants)) for _, load in loads]
+    bare = [pushed for (varies, _), pushed in zip(loads, pushes, strict=True) if varies]
+    activity = sum(map(_activity, bare), jnp.zeros_like(instants))
     gained, unseen = jnp.zeros_like(t0), jnp.asarray(False)
     if isinstance(system, System):
         if not system.motion.prescribed:
@@ -74,17 +82,18 @@ def preview(system: System | Lagrangian, start: Any, t0, t1, knots: Float[Array,
     return jax.lax.stop_gradient(Preview(instants, activity, gained, unseen))
 
 
-def _loads(system: System | Lagrangian, start: Any) -> list[Callable]:
-    """What drives the scene, as functions of time at its start: generalized forces, those of the director first."""
+def _loads(system: System | Lagrangian, start: Any) -> list[tuple[bool, Callable]]:
+    """What drives the scene, as functions of time at its start: generalized forces, those of the director first.
+
+    With each whether it is bare: nothing else says where it changes.
+    """
     if isinstance(system, Lagrangian):
         autonomous = not depends_on_first(system.acceleration, jnp.zeros((), start[0].dtype), *start)
-        return [] if autonomous else [lambda t: system.acceleration(t, *start)]
-    if system.motion.prescribed:
-        return [
-            lambda t: system.motion.turning(t)[1][None] ** 2,
-            *(_pushed(force, system, start) for force in system.forces),
-        ]
-    return [_pushed(force, system, start) for force in system.forces if force.varies or signals(force)]
+        return [] if autonomous else [(True, lambda t: system.acceleration(t, *start))]
+    motion: Any = system.motion
+    drives = [(True, lambda t: motion.turning(t)[1][None] ** 2)] if motion.prescribed else []
+    timed = [force for force in system.forces if force.varies or signals(force)]
+    return [*drives, *((force.varies, _pushed(force, system, start)) for force in timed)]
 
 
 def _pushed(force, system: System, start: State) -> Callable:

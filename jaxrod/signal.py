@@ -226,7 +226,7 @@ def kinked(place, acceleration: Float[Array, "T *D"]) -> Bool[Array, ""]:
     So does a position that is interpolated by straight lines, and one that jumps.
     """
     part = jnp.linspace(0.0, 1.0, len(place)).reshape(-1, *(1,) * (place.ndim - 1))
-    uneven = jnp.abs(place - place[0] - (place[-1] - place[0]) * part)
+    uneven = jnp.abs(place - place[:1] - (place[-1:] - place[:1]) * part)
     return jnp.all(acceleration == 0) & jnp.any(uneven > 1e-9 * jnp.max(jnp.abs(place)))
 
 

@@ -260,8 +260,7 @@ def _counts(system, start, t0, ts, solver, n_steps, tolerance, even, looked: Pre
     least = jnp.where(legs > 0, 1.0, 0.0)
     if looked is not None and n_steps is None:
         finer = jnp.minimum((tolerance / 1e-8) ** (1 / 6), 1.0)
-        changes = looked.steps(jnp.concatenate([t0[None], ts[:-1]]), ts) / finer
-        least = jnp.maximum(least, jnp.ceil(jax.lax.stop_gradient(changes)))
+        least = jnp.maximum(least, jnp.ceil(jax.lax.stop_gradient(looked.steps(ts) / finer)))
 
     def counts(size):
         each = jnp.maximum(jnp.ceil(jax.lax.stop_gradient(legs / size) - 1e-6), least)
