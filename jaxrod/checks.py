@@ -158,7 +158,7 @@ def shown(value: Any) -> str:
 
 def brief(value: Any) -> str:
     """A number as it is written in a representation."""
-    return f"{value:.6g}" if known(value) and jnp.ndim(value) == 0 else repr(value)
+    return f"{value:.6g}" if known(value) and eqx.is_array_like(value) and jnp.ndim(value) == 0 else repr(value)
 
 
 def carried(function: Callable[..., Any]) -> Any:

@@ -53,7 +53,7 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
     if checks.known(ends) and checks.known(time):
         by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
         share = float(by_panel.max() / by_panel.sum())
-    needed = 12 + 48 / (ends.size - 1) + 1.7 * n * share
+    needed = rod.resolution.order - 4 + 48 / (ends.size - 1) + 1.7 * n * share
     return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
 
 
