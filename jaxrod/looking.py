@@ -19,34 +19,42 @@ _SAMPLES = 64  # panels that they are compared with
 _POINT = 1e-8  # of the largest area: no more than a point
 
 
-def look_along(rod: Any) -> Resolution:
-    """The panels that resolve the rod's bare functions, as far as they are known.
+def look_along(rod: Any, given: Any) -> Resolution:
+    """The panels that resolve the rod's bare functions, as far as they are known; `given`: its length as it was given.
+
+    Of a number that is differentiated the value is known, though it is traced.
 
     **Warns** where no panels do.
     """
     if not rod.bare:
         return Resolution()
     with jax.ensure_compile_time_eval():
-        length = jax.lax.stop_gradient(rod.length)
+        # Under jit a plain number is traced as soon as it is an array.
+        length = given if isinstance(given, int | float | np.number) else jax.lax.stop_gradient(rod.length)
         if not checks.known(length):
             return Resolution(fixed=True)
-        known = [_known(part, length, np.zeros(_BLOCK)) is not None for part in rod.parts]
+        length = float(length)
+        known = [_values(part, length, np.zeros(_BLOCK)) is not None for part in rod.parts]
         fixed = any(getattr(part, "bare", False) and not ok for part, ok in zip(rod.parts, known, strict=True))
-
-        def values(s: np.ndarray) -> list[np.ndarray]:
-            ones = np.ones_like(s)
-            return [_known(part, length, s) if ok else ones for part, ok in zip(rod.parts, known, strict=True)]
-
-        ends = np.asarray(jax.lax.stop_gradient(rod._ends()), float)
-        at_ends = values(np.resize(ends[[0, -1]], _BLOCK))[0][:2]
+        if not any(known):
+            return Resolution(fixed=fixed)
 
         def look(s: np.ndarray) -> np.ndarray:
-            blocks = np.resize(s, (-(-s.size // _BLOCK), _BLOCK))
-            area, modulus, density = np.concatenate([values(block) for block in blocks], axis=1)[:, : s.size]
+            blocks, ones = np.resize(s, (-(-s.size // _BLOCK), _BLOCK)), np.ones(_BLOCK)
+            parts = zip(rod.parts, known, strict=True)
+            profiles = [[_values(part, length, s) if ok else ones for s in blocks] for part, ok in parts]
+            area, modulus, density = (np.concatenate(values)[: s.size] for values in profiles)
             check_positive(s, area, modulus, density, length)
-            pointed = at_ends <= _POINT * np.max(area)
-            return np.stack(_integrands(s / float(length), area, modulus, density, pointed))
+            return np.stack(_integrands(s / length, area, modulus, density, pointed))
 
+        pointed = np.zeros(2, bool)
+        if known[0]:
+            at_ends = _values(rod.section, length, np.resize([0.0, length], _BLOCK))[:2]
+            pointed = at_ends <= _POINT * np.max(_values(rod.section, length, np.linspace(0.0, length, _BLOCK)))
+        knots = jax.lax.stop_gradient(rod.section.knots(jnp.asarray(length)))
+        knots = np.asarray(knots, float) if checks.known(knots) else np.zeros(0)
+        inner = np.concatenate([rod.breaks, knots])
+        ends = np.unique(np.concatenate([[0.0, length], inner[(inner > 0) & (inner < length)]]))
         eps = float(jnp.finfo(checks.float_type(rod)).eps)
         found = dataclasses.replace(resolve(look, ends, eps), fixed=fixed)
     if found.error > 1e-10:
@@ -70,11 +78,11 @@ def check_positive(s: Any, area: Any, modulus: Any, density: Any, length: Any) -
             )
 
 
-def _known(part: Any, length, s: np.ndarray) -> np.ndarray | None:
-    """Its values at s, or None where it is a number or traced."""
+def _values(part: Any, length: float, s: np.ndarray) -> np.ndarray | None:
+    """What a part of the rod is at s, or None where it is a number or traced."""
     if not callable(getattr(part, "area", None)):
         return None
-    values = jax.lax.stop_gradient(_area(part, length, s))
+    values = jax.lax.stop_gradient(_area(part, jnp.asarray(length), s))
     return np.asarray(values, float) if checks.known(values) else None
 
 

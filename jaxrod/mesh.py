@@ -61,7 +61,8 @@ def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
 
 def safe_sqrt(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
     """Square root, with derivative zero at zero: for panels of no length, which stay so."""
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+    empty = x <= 0  # and not NaN
+    return jnp.where(empty, 0.0, jnp.sqrt(jnp.where(empty, 1.0, x)))
 
 
 def panel_ends(rod: Rod, at: list[Float[Array, ""]]) -> Float[Array, " panels+1"]:

@@ -74,7 +74,7 @@ class Rod(eqx.Module):
         )
         self.resolution = Resolution()
         self._check_breaks()
-        self.resolution = look_along(self)
+        self.resolution = look_along(self, length)
         self._check_profiles()
         self._check_law()
 

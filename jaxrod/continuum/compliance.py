@@ -50,7 +50,7 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
         raise ValueError(f"n={n!r} must be a whole number of frequencies, 0 or more.")
     ends, s, time = _travel(rod, pivot)
     share = 1.0
-    if checks.known(ends) and checks.known(time):
+    if checks.known(ends) and checks.known(time) and np.all(np.isfinite(ends)):
         by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
         share = float(by_panel.max() / by_panel.sum())
     needed = rod.resolution.order - 4 + 48 / (ends.size - 1) + 1.7 * n * share
