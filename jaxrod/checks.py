@@ -83,6 +83,19 @@ def at_once(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
+@jax.custom_jvp
+def no_derivative(x: Any, where: Any) -> Any:
+    """x; its derivatives are NaN where `where` holds."""
+    del where
+    return x
+
+
+@no_derivative.defjvp
+def _no_derivative_jvp(primals, tangents):
+    (x, where), (dx, _) = primals, tangents
+    return no_derivative(x, where), dx * jnp.where(where, jnp.nan, 1.0).astype(dx.dtype)
+
+
 def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array, "..."]:
     """`value` as a floating-point array of the given shape, finite where that is known.
 

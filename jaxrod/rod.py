@@ -147,6 +147,22 @@ class Rod(eqx.Module):
         """Whether one of them is a function of which nothing is known but its values."""
         return any(getattr(x, "bare", False) for x in self.parts)
 
+    def held_at(self, s: Float[Array, ""], ends: bool = False, breaks: bool = False) -> Float[Array, ""]:
+        """s (m) where a support is.  Derivatives by it are NaN at a break where rigidity or mass per length jump.
+
+        Likewise at the `ends` of the rod, and at all `breaks`, for who has none there.
+        """
+        length, eps = self.length, float(jnp.finfo(self.length.dtype).eps)
+        kinks = jnp.asarray(self.breaks, length.dtype)
+        near = jnp.abs(kinks - s) <= max(1e-9, 8 * eps) * length
+        if self.breaks and not breaks:
+            beside = jnp.stack([kinks - 64 * eps * length, kinks + 64 * eps * length])
+            along = jnp.stack([x(beside) * self.area(beside) for x in (self.modulus, self.mass_density)])
+            jumps = jnp.abs(along[:, 1] / along[:, 0] - 1) > max(1e-6, 4096 * eps)
+            near = near & jnp.any(jumps, axis=0)
+        undefined = jnp.any(near) | ((s <= 0) | (s >= length) if ends else jnp.asarray(False))
+        return checks.no_derivative(s, undefined) if self.breaks or ends else s
+
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
         return self.section.area(s, self.length)
@@ -175,7 +191,13 @@ class Rod(eqx.Module):
         """
         dtype = checks.float_type(self, list(at))
         length = self.length.astype(dtype)
-        points = [jnp.zeros((), dtype), length, *(jnp.asarray(s, dtype) for s in at)]
+        near, moving = 8 * jnp.finfo(dtype).eps * length, []
+        for s in at:
+            s = jnp.asarray(s, dtype)
+            for other in moving:
+                s = jnp.where(jnp.abs(s - other) <= near, other, s)
+            moving.append(s)
+        points = [jnp.zeros((), dtype), length, *moving]
         inner = [jnp.asarray(self.breaks), self.section.knots(self.length)]
         if self.resolution.fixed:
             inner.append(length * np.arange(1, FIXED) / FIXED)
@@ -184,10 +206,9 @@ class Rod(eqx.Module):
         inner = jax.lax.stop_gradient(jnp.concatenate([x.astype(dtype) for x in inner]))
         if not inner.size and not len(at):
             return jnp.stack(points)
-        ends, near = jnp.concatenate([inner, jnp.stack(points)]), 8 * jnp.finfo(dtype).eps * length
         for point in points if inner.size else ():
-            ends = jnp.where(jnp.abs(ends - point) <= near, point, ends)
-        return jnp.sort(ends)
+            inner = jnp.where(jnp.abs(inner - point) <= near, point, inner)
+        return jnp.sort(jnp.concatenate([inner, jnp.stack(points)]))
 
     def resolved(self) -> Array:
         """Whether the panels resolve section, modulus and density: mass, inertia, stiffness, compliance and travel time.

@@ -140,8 +140,8 @@ class Table(AbstractSection):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
-        size = (int(np.size(positions)),)
-        self.positions = checks.number("Table(positions=)", positions, size)
+        self.positions = checks.numbers("Table(positions=)", positions, "two positions in m or more")
+        size = self.positions.shape
         name, measured = ("radii", radii) if areas is None else ("areas", areas)
         measured = checks.number(f"Table({name}=)", measured, size)
         if size[0] < 2:

@@ -31,6 +31,7 @@ def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
     pivot = getattr(system.motion, "pivot", None)
     if pivot is not None and checks.fails(lambda s: s != 0, pivot):
         pivot = None
+    pivot = None if pivot is None else rod.held_at(pivot)
     return rod, pivot, not hasattr(system.motion, "pivot")
 
 
