@@ -57,6 +57,12 @@ def look_along(rod: Any, given: Any) -> Resolution:
         ends = np.unique(np.concatenate([[0.0, length], inner[(inner > 0) & (inner < length)]]))
         eps = float(jnp.finfo(checks.float_type(rod)).eps)
         found = dataclasses.replace(resolve(look, ends, eps), fixed=fixed)
+    if found.jumps and rod.deciding:
+        raise ValueError(
+            f"section, young or density jumps at s={found.jumps[0]:.6g} m, which a traced number decides: its derivative by that "
+            "place would come out as zero; give the place as a known number (Steps(breaks, values), or "
+            "Profile(function, breaks=[...])) and differentiate by the values."
+        )
     if found.error > 1e-10:
         warnings.warn(
             f"section, young or density is not resolved near s={found.place:.4g} m: integrals along the rod may be off by "

@@ -12,11 +12,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from . import checks
 from .law import hooke
 from .looking import check_positive, look_along, stands
+from .places import deciding
 from .quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Profile, profile
@@ -155,13 +156,21 @@ class Rod(eqx.Module):
         length, eps = self.length, float(jnp.finfo(self.length.dtype).eps)
         kinks = jnp.asarray(self.breaks, length.dtype)
         near = jnp.abs(kinks - s) <= max(1e-9, 8 * eps) * length
-        if self.breaks and not breaks:
-            beside = jnp.stack([kinks - 64 * eps * length, kinks + 64 * eps * length])
-            along = jnp.stack([x(beside) * self.area(beside) for x in (self.modulus, self.mass_density)])
-            jumps = jnp.abs(along[:, 1] / along[:, 0] - 1) > max(1e-6, 4096 * eps)
-            near = near & jnp.any(jumps, axis=0)
+        near = near if breaks or not self.breaks else near & self._jumping()
         undefined = jnp.any(near) | ((s <= 0) | (s >= length) if ends else jnp.asarray(False))
         return checks.no_derivative(s, undefined) if self.breaks or ends else s
+
+    def _jumping(self) -> Bool[Array, " breaks"]:
+        """Whether rigidity or mass per length jump at the breaks, or have but a kink there."""
+        eps, kinks = float(jnp.finfo(self.length.dtype).eps), jnp.asarray(self.breaks, self.length.dtype)
+        beside = kinks + 64 * eps * self.length * np.array([[-1.0], [1.0]])
+        along = jnp.stack([x(beside) * self.area(beside) for x in (self.modulus, self.mass_density)])
+        return jnp.any(jnp.abs(along[:, 1] / along[:, 0] - 1) > max(1e-6, 4096 * eps), axis=0)
+
+    @property
+    def deciding(self) -> list[Array]:
+        """Traced numbers that decide where the rod's functions of s are divided."""
+        return [x for part in self.parts if getattr(part, "bare", False) for x in deciding(part, jnp.zeros(2))]
 
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
@@ -178,10 +187,17 @@ class Rod(eqx.Module):
     def panels(self, order: int = ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
         """Gauss-Legendre panels; they end where a profile jumps, at the knots of the section, and at `at` (m).
 
-        They end at NaN, and so do all integrals, where they do not resolve what the rod is made of (`resolved`).
+        They end at NaN, and so do all integrals, where they do not resolve what the rod is made of (`resolved`).  Derivatives
+        by the place of a jump are NaN.
         """
         ends = self._ends(at)
-        return Panels(jnp.where(self.resolved(), ends, jnp.nan) if self.bare else ends, order)
+        if self.bare:
+            resolved = self.resolved()
+            ends = jnp.where(resolved, ends, jnp.nan)
+            for number in self.deciding:  # what divides a profile has no derivative where the profile jumps
+                number = checks.no_derivative(number, jnp.logical_not(resolved) | jnp.any(self._jumping()))
+                ends = ends + jnp.sum(0.0 * number).astype(ends.dtype)
+        return Panels(ends, order)
 
     def _ends(self, at: Sequence[Float[Array, ""]] = ()) -> Float[Array, " panels+1"]:
         """Ends of the panels in m, ascending.
@@ -191,13 +207,7 @@ class Rod(eqx.Module):
         """
         dtype = checks.float_type(self, list(at))
         length = self.length.astype(dtype)
-        near, moving = 8 * jnp.finfo(dtype).eps * length, []
-        for s in at:
-            s = jnp.asarray(s, dtype)
-            for other in moving:
-                s = jnp.where(jnp.abs(s - other) <= near, other, s)
-            moving.append(s)
-        points = [jnp.zeros((), dtype), length, *moving]
+        points = [jnp.zeros((), dtype), length, *(jnp.asarray(s, dtype) for s in at)]
         inner = [jnp.asarray(self.breaks), self.section.knots(self.length)]
         if self.resolution.fixed:
             inner.append(length * np.arange(1, FIXED) / FIXED)
@@ -206,9 +216,10 @@ class Rod(eqx.Module):
         inner = jax.lax.stop_gradient(jnp.concatenate([x.astype(dtype) for x in inner]))
         if not inner.size and not len(at):
             return jnp.stack(points)
-        for point in points if inner.size else ():
-            inner = jnp.where(jnp.abs(inner - point) <= near, point, inner)
-        return jnp.sort(jnp.concatenate([inner, jnp.stack(points)]))
+        ends, near = jnp.concatenate([inner, jnp.stack(points)]), 8 * jnp.finfo(dtype).eps * length
+        for point in points:
+            ends = jnp.where(jnp.abs(ends - point) <= near, point, ends)
+        return jnp.sort(ends)
 
     def resolved(self) -> Array:
         """Whether the panels resolve section, modulus and density: mass, inertia, stiffness, compliance and travel time.
