@@ -30,6 +30,11 @@ class AbstractBasis(eqx.Module):
     def uniform(self) -> bool:
         """Whether the strain is the same everywhere, phi_1 = phi_0."""
 
+    @property
+    def by_piece(self) -> bool:
+        """Whether shapes belong to pieces of the rod, and vanish with the piece between the pivot and a break."""
+        return False
+
     @abc.abstractmethod
     def strains(
         self, rod: Rod, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False
@@ -42,10 +47,10 @@ class AbstractBasis(eqx.Module):
         """phi_0 .. phi_n in m at the material coordinates s (m), zero at `pivot` (None: the root), or those of flight."""
         if isinstance(rod, Lumped):
             return jnp.stack([s] * (self.n + 1))
-        pivot = _snapped(rod, pivot)
+        pivot = self._held(rod, pivot)
         panels = self._panels(rod, pivot)
         phi = self._rise(s, pivot)
-        if self.n and not self.uniform:
+        if not self._smooth:
             excess = self._excess(rod, panels, pivot, free)
             phi = phi.at[1:].add(panels.antiderivative(excess, s) - until(panels, excess, pivot)[:, None])
         return phi - _mean(rod, panels, self._at_points(rod, panels, pivot, free))[:, None] if free else phi
@@ -54,7 +59,7 @@ class AbstractBasis(eqx.Module):
         """The rod held at `pivot` (m from the root; None: the root itself), or free."""
         if isinstance(rod, Lumped):
             return lumped(rod, self.n)
-        pivot = _snapped(rod, pivot)
+        pivot = self._held(rod, pivot)
         panels = self._panels(rod, pivot)
         s, ds = panels.s, panels.ds
         phi = self._at_points(rod, panels, pivot, free)
@@ -73,8 +78,22 @@ class AbstractBasis(eqx.Module):
         root = inverse_root(masses[1:, 1:]) if self.n > 1 else None
         return Projection(masses, stiffness, phi @ mass, jnp.sum(mass), phi[:, -1], strains, rigidity, law, root)
 
+    def _held(self, rod: Rod, pivot):
+        """The pivot, on a break or end if it is that by all but rounding: a piece of 1e-9 of the rod would be a spring of 1e9."""
+        if pivot is None:
+            return None
+        for end in (0.0, *rod.breaks, rod.length):
+            near = jnp.abs(pivot - end) < 1e-9 * rod.length
+            pivot = pivot + jax.lax.stop_gradient(jnp.where(near, end - pivot, 0.0))
+        return pivot if self._smooth else rod.held_at(pivot, ends=True, breaks=self.by_piece)
+
+    @property
+    def _smooth(self) -> bool:
+        """Whether the pivot's place is a polynomial's variable only: no shape, and no integral, ends there."""
+        return self.n == 0 or self.uniform
+
     def _panels(self, rod: Rod, pivot) -> Panels:
-        return rod.panels(16 + self.n, () if pivot is None else (pivot,))
+        return rod.panels(16 + self.n, () if pivot is None or self._smooth else (pivot,))
 
     def _rise(self, s, pivot) -> Float[Array, "n+1 points"]:
         """phi_0 and phi_1 of uniform strain, and nothing yet of the rest."""
@@ -88,7 +107,7 @@ class AbstractBasis(eqx.Module):
     def _at_points(self, rod: Rod, panels: Panels, pivot, free) -> Float[Array, "n+1 points+1"]:
         """phi_0 .. phi_n, zero at the pivot, at the points of the panels and last at the tip."""
         phi = self._rise(jnp.concatenate([panels.s, rod.length[None]]), pivot)
-        if self.n == 0 or self.uniform:
+        if self._smooth:
             return phi
         excess = self._excess(rod, panels, pivot, free)
         gained = jnp.concatenate([panels.running(excess), (excess @ panels.ds)[:, None]], axis=1)
@@ -126,6 +145,10 @@ class Ritz(AbstractShapes):
     def uniform(self):
         return self.n == 1
 
+    @property
+    def by_piece(self):
+        return self.n > 1
+
     def strains(self, rod, s, pivot=None, free=False):
         ends, pieces = _pieces(rod, pivot)
         # Constants first: each piece against all before it, with zero mean.
@@ -156,6 +179,10 @@ class ForceRitz(AbstractShapes):
     @property
     def uniform(self):
         return False
+
+    @property
+    def by_piece(self):
+        return self.n > 2
 
     def strains(self, rod, s, pivot=None, free=False):
         if self.n == 0:
@@ -219,6 +246,10 @@ class QuasiStatic(AbstractBasis):
     def uniform(self):
         return self.basis.uniform
 
+    @property
+    def by_piece(self):
+        return self.basis.by_piece
+
     def strains(self, rod, s, pivot=None, free=False):
         return self.basis.strains(rod, s, pivot, free)
 
@@ -261,16 +292,6 @@ def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float
     if count:
         found = jnp.concatenate([found, jnp.stack(by_piece, axis=1).reshape(-1, s.size)])
     return found[:n]
-
-
-def _snapped(rod: Rod, pivot):
-    """The pivot, on a break or end if it is that by all but rounding: a piece of 1e-9 of the rod would be a spring of 1e9."""
-    if pivot is None:
-        return None
-    for end in (0.0, *rod.breaks, rod.length):
-        near = jnp.abs(pivot - end) < 1e-9 * rod.length
-        pivot = pivot + jax.lax.stop_gradient(jnp.where(near, end - pivot, 0.0))
-    return pivot
 
 
 def until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:

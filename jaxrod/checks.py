@@ -83,6 +83,19 @@ def at_once(function: Callable[..., Any]) -> Callable[..., Any]:
     return call
 
 
+@jax.custom_jvp
+def no_derivative(x: Any, where: Any) -> Any:
+    """x; its derivatives are NaN where `where` holds."""
+    del where
+    return x
+
+
+@no_derivative.defjvp
+def _no_derivative_jvp(primals, tangents):
+    (x, where), (dx, _) = primals, tangents
+    return no_derivative(x, where), dx * jnp.where(where, jnp.nan, 1.0).astype(dx.dtype)
+
+
 def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array, "..."]:
     """`value` as a floating-point array of the given shape, finite where that is known.
 
@@ -158,7 +171,7 @@ def shown(value: Any) -> str:
 
 def brief(value: Any) -> str:
     """A number as it is written in a representation."""
-    return f"{value:.6g}" if known(value) and jnp.ndim(value) == 0 else repr(value)
+    return f"{value:.6g}" if known(value) and eqx.is_array_like(value) and jnp.ndim(value) == 0 else repr(value)
 
 
 def carried(function: Callable[..., Any]) -> Any:

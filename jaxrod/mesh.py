@@ -61,24 +61,13 @@ def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
 
 def safe_sqrt(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
     """Square root, with derivative zero at zero: for panels of no length, which stay so."""
-    return jnp.where(x > 0, jnp.sqrt(jnp.where(x > 0, x, 1.0)), 0.0)
+    empty = x <= 0  # and not NaN
+    return jnp.where(empty, 0.0, jnp.sqrt(jnp.where(empty, 1.0, x)))
 
 
 def panel_ends(rod: Rod, at: list[Float[Array, ""]]) -> Float[Array, " panels+1"]:
-    """Ends of the panels in m, ascending.
-
-    Coincident ends become one and the same number, so that a panel of no length does not grow under differentiation.
-    Only `at` and the length move then: what is integrated is continuous at a knot, and breaks are constants.
-    """
-    dtype = checks.float_type(rod, at)
-    zero, length = jnp.zeros((), dtype), rod.length.astype(dtype)
-    knots = jax.lax.stop_gradient(rod.section.knots(rod.length)).astype(dtype)
-    points = [zero, length, *(jnp.asarray(s, dtype) for s in at)]
-    ends = jnp.concatenate([jnp.asarray(rod.breaks, dtype), knots, jnp.stack(points)])
-    near = 8 * jnp.finfo(dtype).eps * length
-    for point in points:
-        ends = jnp.where(jnp.abs(ends - point) <= near, point, ends)
-    return jnp.sort(ends)
+    """Ends of the panels in m, ascending."""
+    return rod.panels(at=at).ends
 
 
 def _running_integral(order: int) -> np.ndarray:

@@ -12,15 +12,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from . import checks
 from .law import hooke
+from .looking import check_positive, look_along, stands
+from .places import deciding
 from .quadrature import Panels
+from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Profile, profile
 
 _FASTEST_SOLID = 2.0e4  # m/s: sound in diamond is about 18 km/s
-_ORDER = 16  # Gauss-Legendre points per panel; exact for polynomial integrands of degree 31
 
 
 class Rod(eqx.Module):
@@ -53,6 +55,7 @@ class Rod(eqx.Module):
     tip_mass: Float[Array, ""] | None
     tip_inertia: Float[Array, ""] | None
     law: Any
+    resolution: Resolution = eqx.field(static=True, init=False, repr=False)
 
     def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=hooke):
         self.length = checks.positive("length", length, "metres")
@@ -70,30 +73,26 @@ class Rod(eqx.Module):
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
+        self.resolution = Resolution()
+        self._check_breaks()
+        self.resolution = look_along(self, length)
         self._check_profiles()
         self._check_law()
 
-    def _check_profiles(self):
+    def _check_breaks(self):
         outside = [s for s in self.breaks if checks.fails(lambda length, s=s: 0 < s < length, self.length)]
         if outside:
             raise ValueError(
                 f"breaks hold {outside[0]:.6g} m, outside of 0 < s < length={checks.shown(self.length)} m."
             )
+
+    def _check_profiles(self):
         s, area, modulus, density, covers = _profiles(self)
         if checks.fails(lambda covers: covers, covers):
             positions = checks.shown(getattr(self.section, "positions", ()))
             raise ValueError(f"Table(positions={positions}) must reach from 0 to length={checks.shown(self.length)} m.")
-        for name, values, unit in (
-            ("section has area", area, "m^2"),
-            ("young is", modulus, "Pa"),
-            ("density is", density, "kg/m^3"),
-        ):
-            if checks.fails(lambda x: (x > 0) & np.isfinite(x), values):
-                first = int(np.argmin((np.asarray(values) > 0) & np.isfinite(values)))
-                raise ValueError(
-                    f"{name} {float(values[first]):.3g} {unit} at s={float(s[first]):.4g} m; it must be positive all "
-                    f"along the rod (0 < s < length={float(self.length):.4g} m)."
-                )
+        if all(map(checks.known, (s, area, modulus, density, self.length))):
+            check_positive(s, area, modulus, density, self.length)
         if checks.fails(lambda E, rho: _FASTEST_SOLID**2 * rho >= E, modulus, density):
             fastest = np.sqrt(np.max(np.asarray(modulus) / np.asarray(density)))
             warnings.warn(
@@ -136,7 +135,42 @@ class Rod(eqx.Module):
     @property
     def breaks(self) -> tuple[float, ...]:
         """Where section, modulus or density jump: coordinates in m, increasing."""
-        return tuple(sorted({s for x in (self.section, self.young, self.density) for s in getattr(x, "breaks", ())}))
+        given = (s for x in self.parts for s in getattr(x, "breaks", ()))
+        return tuple(sorted({*given, *self.resolution.jumps}))
+
+    @property
+    def parts(self) -> tuple[AbstractSection, Any, Any]:
+        """Section, modulus and density: what may be a function of s."""
+        return self.section, self.young, self.density
+
+    @property
+    def bare(self) -> bool:
+        """Whether one of them is a function of which nothing is known but its values."""
+        return any(getattr(x, "bare", False) for x in self.parts)
+
+    def held_at(self, s: Float[Array, ""], ends: bool = False, breaks: bool = False) -> Float[Array, ""]:
+        """s (m) where a support is.  Derivatives by it are NaN at a break where rigidity or mass per length jump.
+
+        Likewise at the `ends` of the rod, and at all `breaks`, for who has none there.
+        """
+        length, eps = self.length, float(jnp.finfo(self.length.dtype).eps)
+        kinks = jnp.asarray(self.breaks, length.dtype)
+        near = jnp.abs(kinks - s) <= max(1e-9, 8 * eps) * length
+        near = near if breaks or not self.breaks else near & self._jumping()
+        undefined = jnp.any(near) | ((s <= 0) | (s >= length) if ends else jnp.asarray(False))
+        return checks.no_derivative(s, undefined) if self.breaks or ends else s
+
+    def _jumping(self) -> Bool[Array, " breaks"]:
+        """Whether rigidity or mass per length jump at the breaks, or have but a kink there."""
+        eps, kinks = float(jnp.finfo(self.length.dtype).eps), jnp.asarray(self.breaks, self.length.dtype)
+        beside = kinks + 64 * eps * self.length * np.array([[-1.0], [1.0]])
+        along = jnp.stack([x(beside) * self.area(beside) for x in (self.modulus, self.mass_density)])
+        return jnp.any(jnp.abs(along[:, 1] / along[:, 0] - 1) > max(1e-6, 4096 * eps), axis=0)
+
+    @property
+    def deciding(self) -> list[Array]:
+        """Traced numbers that decide where the rod's functions of s are divided."""
+        return [x for part in self.parts if getattr(part, "bare", False) for x in deciding(part, jnp.zeros(2))]
 
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
@@ -150,17 +184,53 @@ class Rod(eqx.Module):
         """Density in kg/m^3 at s (m)."""
         return self.density(s) if isinstance(self.density, Profile) else jnp.broadcast_to(self.density, jnp.shape(s))
 
-    def panels(self, order: int = _ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
-        """Gauss-Legendre panels; they end where a profile jumps, at the knots of the section, and at `at` (m)."""
+    def panels(self, order: int = ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
+        """Gauss-Legendre panels; they end where a profile jumps, at the knots of the section, and at `at` (m).
+
+        They end at NaN, and so do all integrals, where they do not resolve what the rod is made of (`resolved`).  Derivatives
+        by the place of a jump are NaN.
+        """
+        ends = self._ends(at)
+        if self.bare:
+            resolved = self.resolved()
+            ends = jnp.where(resolved, ends, jnp.nan)
+            for number in self.deciding:  # what divides a profile has no derivative where the profile jumps
+                number = checks.no_derivative(number, jnp.logical_not(resolved) | jnp.any(self._jumping()))
+                ends = ends + jnp.sum(0.0 * number).astype(ends.dtype)
+        return Panels(ends, order)
+
+    def _ends(self, at: Sequence[Float[Array, ""]] = ()) -> Float[Array, " panels+1"]:
+        """Ends of the panels in m, ascending.
+
+        Coincident ends become one and the same number, so that a panel of no length does not grow under differentiation.
+        Only `at` and the length move then: what is integrated is continuous at a knot, and breaks are constants.
+        """
         dtype = checks.float_type(self, list(at))
-        inner = [jnp.asarray(self.breaks), self.section.knots(self.length), *(jnp.reshape(s, 1) for s in at)]
-        inner = jnp.concatenate([x.astype(dtype) for x in inner])
-        inner = jnp.sort(inner) if inner.size > 1 else inner
-        zero, end = jnp.zeros(1, dtype), self.length.astype(dtype)[None]
-        return Panels(jnp.concatenate([zero, inner, end]), order)
+        length = self.length.astype(dtype)
+        points = [jnp.zeros((), dtype), length, *(jnp.asarray(s, dtype) for s in at)]
+        inner = [jnp.asarray(self.breaks), self.section.knots(self.length)]
+        if self.resolution.fixed:
+            inner.append(length * np.arange(1, FIXED) / FIXED)
+        if self.resolution.knots:
+            inner.append(jnp.clip(jnp.asarray(self.resolution.knots, dtype), 0.0, length))
+        inner = jax.lax.stop_gradient(jnp.concatenate([x.astype(dtype) for x in inner]))
+        if not inner.size and not len(at):
+            return jnp.stack(points)
+        ends, near = jnp.concatenate([inner, jnp.stack(points)]), 8 * jnp.finfo(dtype).eps * length
+        for point in points:
+            ends = jnp.where(jnp.abs(ends - point) <= near, point, ends)
+        return jnp.sort(ends)
+
+    def resolved(self) -> Array:
+        """Whether the panels resolve section, modulus and density: mass, inertia, stiffness, compliance and travel time.
+
+        Asked of bare functions only: the integrals stand still to 1e-6 of themselves (64 roundings in float32) when
+        each panel is divided into parts, 64 or more along the rod.
+        """
+        return stands(self, self._ends()) if self.bare else jnp.asarray(True)
 
     def quadrature(
-        self, order: int = _ORDER, at: Sequence[Float[Array, ""]] = ()
+        self, order: int = ORDER, at: Sequence[Float[Array, ""]] = ()
     ) -> tuple[Float[Array, " points"], Float[Array, " points"]]:
         """Points s and weights ds (m) of `panels`."""
         panels = self.panels(order, at)
@@ -229,13 +299,14 @@ class Rod(eqx.Module):
         positive = jnp.concatenate([self.length[None], self.area(s), self.modulus(s), self.mass_density(s)])
         tip = jnp.stack([jnp.zeros_like(self.length), *(x for x in (self.tip_mass, self.tip_inertia) if x is not None)])
         inside = jnp.all(jnp.asarray([0.0, *self.breaks]) < self.length) & self.section.covers(self.length)
+        inside = inside & self.resolved() if self.bare else inside
         return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid() & inside
 
 
 @checks.at_once
 def _profiles(rod: Rod):
     """Points along the rod, what it is made of there, and whether its section is known all along it."""
-    s, _ = rod.quadrature()
+    s = Panels(rod._ends(), ORDER).s
     return s, rod.area(s), rod.modulus(s), rod.mass_density(s), rod.section.covers(rod.length)
 
 

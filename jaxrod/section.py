@@ -23,6 +23,7 @@ class AbstractSection(eqx.Module):
     """The cross-section along the rod: `area(s, length)` in m^2, and the `breaks` where it jumps."""
 
     breaks: eqx.AbstractVar[tuple[float, ...]]
+    bare: ClassVar[bool] = False  # whether nothing is known of it but its values
 
     @abc.abstractmethod
     def area(self, s: Float[Array, "*points"], length: Float[Array, ""]) -> Float[Array, "*points"]:
@@ -139,8 +140,8 @@ class Table(AbstractSection):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
-        size = (int(np.size(positions)),)
-        self.positions = checks.number("Table(positions=)", positions, size)
+        self.positions = checks.numbers("Table(positions=)", positions, "two positions in m or more")
+        size = self.positions.shape
         name, measured = ("radii", radii) if areas is None else ("areas", areas)
         measured = checks.number(f"Table({name}=)", measured, size)
         if size[0] < 2:
@@ -214,6 +215,10 @@ class Profile(AbstractSection):
             raise ValueError(f"section={function!r} is not a section; give Uniform, Cone, Table or a function of s.")
         self.function = checks.carried(function)
         self.breaks = _increasing(breaks)
+
+    @property
+    def bare(self) -> bool:
+        return not (isinstance(self.function, Steps) and set(self.function.breaks) <= set(self.breaks))
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         return jnp.broadcast_to(jnp.asarray(self.function(s)), jnp.shape(s))

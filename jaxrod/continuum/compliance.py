@@ -31,6 +31,7 @@ def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
     pivot = getattr(system.motion, "pivot", None)
     if pivot is not None and checks.fails(lambda s: s != 0, pivot):
         pivot = None
+    pivot = None if pivot is None else rod.held_at(pivot)
     return rod, pivot, not hasattr(system.motion, "pivot")
 
 
@@ -50,10 +51,10 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
         raise ValueError(f"n={n!r} must be a whole number of frequencies, 0 or more.")
     ends, s, time = _travel(rod, pivot)
     share = 1.0
-    if checks.known(ends) and checks.known(time):
+    if checks.known(ends) and checks.known(time) and np.all(np.isfinite(ends)):
         by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
         share = float(by_panel.max() / by_panel.sum())
-    needed = 12 + 48 / (ends.size - 1) + 1.7 * n * share
+    needed = rod.resolution.order - 4 + 48 / (ends.size - 1) + 1.7 * n * share
     return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
 
 
