@@ -14,6 +14,7 @@ from . import continuum
 from .basis import QuasiStatic
 from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
+from .linear_algebra import mappable
 from .motion import Driven, Flight, State
 from .projection import Projection
 from .result import Result
@@ -78,7 +79,7 @@ def integrate(
         steps = stepsize_controller
 
     raw: Any = diffrax.diffeqsolve(
-        terms, Tracking(solver), t0, t1, dt0, y0,
+        terms, Tracking(mappable(solver)), t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=steps, adjoint=adjoint,
         event=_events(event, decode, margin, t1.dtype), max_steps=max_steps, throw=False,
         progress_meter=progress_meter,
@@ -257,7 +258,7 @@ def _events(event: diffrax.Event | None, decode, margin: _Margin | None, dtype) 
 
     return diffrax.Event(
         {"margin": room, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},
-        optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder,
+        mappable(optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder),
         {"margin": False, "user": event.direction},
     )
 
