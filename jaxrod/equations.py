@@ -14,6 +14,7 @@ from .chart import AbstractChart
 from .force import AbstractForce
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 from .lanes import depends_on_first
+from .linear_algebra import eigvalsh
 from .motion import AbstractMotion, Placement, State
 from .projection import Projection
 
@@ -214,4 +215,4 @@ def eigenvalues(body: Projection) -> Float[Array, " n"]:
     body = jax.lax.stop_gradient(body)
     if body.root is None:
         return body.stiffness_matrix[0] / body.mass_matrix[1, 1]
-    return jnp.linalg.eigvalsh(body.root.T @ body.stiffness_matrix @ body.root)
+    return eigvalsh(body.root.T @ body.stiffness_matrix @ body.root)

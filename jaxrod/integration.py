@@ -17,6 +17,7 @@ from .chart import AbstractChart
 from .defaults import default_chart
 from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
+from .linear_algebra import mappable
 from .motion import Driven, Flight, State
 from .preview import preview
 from .projection import Projection
@@ -94,7 +95,7 @@ def integrate(
         steps = stepsize_controller
 
     raw: Any = diffrax.diffeqsolve(
-        terms, Tracking(solver), t0, t1, dt0, y0,
+        terms, Tracking(mappable(solver)), t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=steps, adjoint=adjoint,
         event=_events(event and _begun(event, system, start, chart, t0, t1), decode, margin, t1.dtype),
         max_steps=max_steps, throw=False,
@@ -356,7 +357,7 @@ def _events(event: diffrax.Event | None, decode, margin: _Margin | None, dtype) 
 
     return diffrax.Event(
         {"margin": room, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},
-        optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder,
+        mappable(optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder),
         {"margin": False, "user": event.direction},
     )
 

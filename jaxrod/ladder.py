@@ -11,6 +11,7 @@ from .basis import AbstractBasis, ForceRitz
 from .chart import Director, Strains
 from .equations import Condensed
 from .force import KelvinVoigt, PivotFriction, ShakenBase, Torque
+from .lagrangian import solve_positive
 from .load_basis import LoadRitz
 from .motion import Driven, State
 from .rod import Lumped, Rod
@@ -60,7 +61,7 @@ def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     rigidity = rod.modulus(panels.s) * rod.area(panels.s) * panels.ds
     here, there = (x.strains(rod, panels.s, pivot, free) for x in (system.basis, basis))
     weighted = there * rigidity[None, :]
-    return [jnp.linalg.solve(weighted @ there.T, weighted @ (a @ here)) for a in amplitudes]
+    return [solve_positive(weighted @ there.T, weighted @ (a @ here)) for a in amplitudes]
 
 
 def at_rest(system: System, start: State, t0: Any = 0.0) -> State:

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import continuum
+from .linear_algebra import singular_values, svd
 from .mesh import mesh, safe_sqrt
 from .motion import Driven
 from .rod import Rod
@@ -113,7 +114,7 @@ def _bending(rod: Rod, pivot: Any, support: str, n: int = 2, order: int = _ORDER
         lever = lever - (share @ lever) * ones
     if support != "clamped":
         F = _without(F, weight * lever)
-    return 1 / jnp.linalg.svd(F, compute_uv=False)[:n] / (2 * jnp.pi)
+    return 1 / singular_values(F, n) / (2 * jnp.pi)
 
 
 def _without(F: Float[Array, "M N"], direction: Float[Array, " M"]) -> Float[Array, "M N"]:
@@ -128,7 +129,7 @@ def _lateral(rod: Rod, pivot: Any, free: bool) -> tuple[Float[Array, ""], Float[
     m = nu^2 int rho I_p u_x^2 ds / int rho A u^2 ds over the first mode u, of which u_x = N / EA.
     """
     grid, F, *_ = continuum.axial(rod, pivot, free, _ORDER)
-    modes, sigma, _ = jnp.linalg.svd(F, full_matrices=False)
+    modes, sigma, _ = svd(F, 1)
     omega, rigidity = 1 / sigma[0], rod.modulus(grid.s) * rod.area(grid.s)
     # F^T mode / sigma are the tensions, weighted by (ds / EA)^1/2: u_x^2 ds is their square over EA.
     strain_square = (modes[:, 0] @ F / sigma[0]) ** 2 * omega**2 / rigidity

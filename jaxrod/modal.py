@@ -1,5 +1,6 @@
 """Natural frequencies of a scene, how far they are from the exact rod's, and its modes about any equilibrium."""
 
+import dataclasses
 import warnings
 
 import equinox as eqx
@@ -13,6 +14,7 @@ from .chart import Local
 from .motion import State
 from .projection import Projection
 from .rod import Rod
+from .stiffening import warn_of_forces
 from .system import System
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning
@@ -22,9 +24,11 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     """Axial natural frequencies in Hz, ascending, at rest and without gravity: one for each strain shape.
 
     For uniform strain sqrt(c l0^2 / I) / 2 pi; a rigid rod has none.  Shapes on a piece of no length, where the pivot
-    lies on an end, have inf (and no derivative by that pivot).  Differentiable in every number of the rod.
+    lies on an end, have inf (and no derivative by that pivot).  Differentiable in every number of the rod.  Forces are
+    left out: for a scene with a spring take `jaxrod.modes(system)`.
 
-    **Warns** for a rod so thick that lateral inertia, which the model leaves out, matters: by 1 % or more.
+    **Warns** for a rod so thick that lateral inertia, which the model leaves out, matters: by 1 % or more.  Warns of
+    forces that change the axial stiffness, but not under `jit`, `vmap` or `grad`.
 
     >>> import jaxrod
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -33,12 +37,17 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))).round(3))
     [ 19.239  68.213 158.859]
     """
+    warn_of_forces("natural_frequencies", system)
+    return _looked_at(system)
+
+
+def _looked_at(system: System) -> Float[Array, " n"]:
     frequencies, lowered = _natural_frequencies(system)
     if lowered is not None and checks.fails(lambda lowered: lowered < _THICK, lowered):
         warnings.warn(
             f"lateral inertia, which the model leaves out, may lower the first frequency of so thick a rod by "
             f"{100 * float(lowered):.2g} %; see jaxrod.model_limits(system).",
-            stacklevel=2,
+            stacklevel=3,
         )
     return frequencies
 
@@ -64,15 +73,17 @@ def _frequencies_of(body: Projection, n: int) -> Float[Array, " n"]:
 
 
 def frequency_error(system: System) -> Float[Array, " n"]:
-    """Error of `natural_frequencies` against the exact rod, in percent.
+    """Error of `natural_frequencies` against the exact rod, in percent, both without forces (which it warns of likewise).
 
     >>> import jaxrod
     >>> uniform = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=1e7, density=1200.0)
     >>> print(jaxrod.frequency_error(jaxrod.System(uniform, jaxrod.Rotation())).round(2))
     [10.27]
     """
-    frequencies = natural_frequencies(system)
-    return _percent_above(frequencies, continuum.natural_frequencies(system, frequencies.shape[0]))
+    warn_of_forces("frequency_error", system)
+    bare = dataclasses.replace(system, forces=())
+    frequencies = _looked_at(bare)
+    return _percent_above(frequencies, continuum.natural_frequencies(bare, frequencies.shape[0]))
 
 
 @checks.at_once
@@ -84,7 +95,7 @@ def critical_rate(system: System) -> Float[Array, ""]:
     """The prescribed turning rate in rad/s beyond which this scene's strain finds no rest: its lowest axial frequency.
 
     The exact rod gives way earlier: `continuum.critical_rate`.  Turning freely, with its angular momentum conserved, a
-    rod has no critical rate.
+    rod has no critical rate.  Forces are left out, and warned of as by `natural_frequencies`.
 
     **Raises:** `ValueError` for a rigid rod, and for another strain law than Hooke's.
 
@@ -100,7 +111,8 @@ def critical_rate(system: System) -> Float[Array, ""]:
             f"law={system.rod.law_name} stiffens or softens with strain, and no one rate is critical; leave out law=, or ask "
             "jaxrod.modes about the equilibrium at each spin."
         )
-    return 2 * jnp.pi * natural_frequencies(system)[0]
+    warn_of_forces("critical_rate", system)
+    return 2 * jnp.pi * _looked_at(system)[0]
 
 
 class Modes(eqx.Module):

@@ -11,6 +11,7 @@
    sought by the order of the method.  What a stage costs is measured once, by `benchmarks/calibration.py`.
 """
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -245,7 +246,9 @@ class _Search:
         if system.gravity is not None and not isinstance(system.motion, Driven | Flight):
             weight = float(jnp.sqrt(jnp.sum(system.gravity**2)))
         turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + 3 * weight / float(system.rod.length))
-        delta = (turning / (2 * math.pi * float(continuum.natural_frequencies(system, 1)[0]))) ** 2
+        delta = (
+            turning / (2 * math.pi * float(continuum.natural_frequencies(dataclasses.replace(system, forces=()), 1)[0]))
+        ) ** 2
         angle = turning * float(self.ts[-1] - self.t0)
         arm = float(system.rod.length) if isinstance(self.quantity, FinalTip) else 1.0
         return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)

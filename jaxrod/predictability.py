@@ -8,6 +8,7 @@ from jaxtyping import Array, Float, Int8
 
 from . import arguments, checks, statics
 from .chart import Local
+from .linear_algebra import singular_values
 from .motion import Driven, State
 from .result import Result
 from .simulation import simulate
@@ -101,7 +102,10 @@ def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horiz
 
     # One direction after the other, each with steps of its own.
     slopes, result = jax.lax.map(slope, jnp.eye(still.size, dtype=dtype))
-    growth, result = jnp.linalg.norm(slopes, ord=2, axis=(0, 2)), jax.tree.map(lambda x: x[0], result)
+    growth, result = (
+        jax.vmap(lambda along: singular_values(along, 1)[0], in_axes=1)(slopes),
+        jax.tree.map(lambda x: x[0], result),
+    )
     beyond = distance * growth >= tolerance
     first = jnp.argmax(beyond)
     # Straight in the logarithm from the time before, where there is one.

@@ -3,10 +3,10 @@
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from . import linear_algebra
 from .rod import Lumped
 
 
@@ -85,5 +85,4 @@ def lumped(rod: Lumped, n: int) -> Projection:
 def inverse_root(mass: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """W with W W^T the inverse; shapes without mass are left at rest."""
     mass = mass + jnp.diag(jnp.where(jnp.diagonal(mass) == 0, mass[0, 0], 0.0))
-    lower = jnp.linalg.cholesky(mass)
-    return jax.scipy.linalg.solve_triangular(lower, jnp.eye(mass.shape[0], dtype=mass.dtype), lower=True).T
+    return linear_algebra.inverse_root(mass)

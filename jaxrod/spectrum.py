@@ -4,6 +4,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
+from . import linear_algebra
+from .linear_algebra import pinv
+
 _MEET = 1e3  # eigenvalues nearer than so many roundings of the largest count as one
 
 
@@ -16,8 +19,13 @@ def eigh(a: Float[Array, "n n"], b: Float[Array, "n n"]) -> tuple[Float[Array, "
     hold together (their sum, any symmetric function of them), and vectors turn among themselves by convention not at
     all; where the perturbation keeps them together, each is right.
     """
+    return _eigh(a, b)
+
+
+@linear_algebra.one_by_one
+def _eigh(a, b):
     # Scaled to one by size, so that neither overflows.
-    scale_a, scale_b = _size(a), _size(b)
+    scale_a, scale_b = jnp.max(jnp.abs(a)), jnp.max(jnp.abs(b))
     lower = jnp.linalg.cholesky(b / scale_b)
     half = jax.scipy.linalg.solve_triangular(lower, a / scale_a, lower=True)
     whole = jax.scipy.linalg.solve_triangular(lower, half.T, lower=True)
@@ -39,39 +47,44 @@ def _eigh_jvp(primals, tangents):
     return (w, v), (jnp.diagonal(in_a) - w * jnp.diagonal(in_b), dv)
 
 
-@jax.custom_jvp
 def eig(a: Float[Array, "n n"]) -> tuple[Complex[Array, " n"], Complex[Array, "n n"]]:
     """a v = w v for any real a: w (n,) and v (n, n) in columns, each up to a factor.
 
     Derivatives as of `eigh`: finite where eigenvalues meet, and then right for them together.
     """
-    w, v = jnp.linalg.eig(a)
+    w, v, _ = _eig(a)
+    return w, v
+
+
+@jax.custom_jvp
+def _eig(a):
+    """w and v, and u (n, n), in columns the shapes of the transposed matrix, with u^T v = 1."""
+    w, v = linear_algebra.eig(a)
     # A step of Newton's: beside a double eigenvalue LAPACK's shapes of the others have half the digits.
-    return w, v + _turned(a, w, v, v * w[None, :] - a @ v)
+    v = v + _turned(a, w, v.conj(), v * w[None, :] - a @ v)
+    return w, v, pinv(v).T
 
 
-@eig.defjvp
+@_eig.defjvp
 def _eig_jvp(primals, tangents):
     (a,), (da,) = primals, tangents
-    w, v = eig(a)
-    dw = jnp.diagonal(jnp.linalg.solve(v, da.astype(v.dtype) @ v))
+    w, v, u = _eig(a)
+    dw = jnp.sum(u * (da @ v), axis=0)
+    dv = _turned(a, w, v.conj(), v * dw[None, :] - da @ v)
+    du = _turned(a.T, w, v, u * dw[None, :] - da.T @ u, -jnp.sum(u * dv, axis=0))
+    return (w, v, u), (dw, dv, du)
 
-    return (w, v), (dw, _turned(a, w, v, v * dw[None, :] - da @ v))
 
-
-def _turned(a, w, v, load):
-    """dv, column by column, with (a - w) dv = load across v.
+def _turned(a, w, along, load, beside=0.0):
+    """d, column by column, with (a - w) d = load and along . d = beside.
 
     Each by its own equations: a sum over the other shapes breaks down where two of them are one, as of a rod that turns
     freely.
     """
 
-    def turn(w, v, load):
-        across = jnp.concatenate([a - w * jnp.eye(a.shape[0]), v.conj()[None, :]])
-        return jnp.linalg.pinv(across, rtol=1e-12) @ jnp.append(load, 0.0)
+    def turn(w, along, load, beside):
+        equations = jnp.concatenate([a - w * jnp.eye(a.shape[0]), along[None, :]])
+        return pinv(equations) @ jnp.append(load, beside)
 
-    return jax.vmap(turn, in_axes=(0, 1, 1), out_axes=1)(w, v, load)
-
-
-def _size(matrix):
-    return jax.lax.stop_gradient(jnp.max(jnp.abs(matrix)))
+    beside = jnp.broadcast_to(beside, w.shape)
+    return jax.vmap(turn, in_axes=(0, 1, 1, 0), out_axes=1)(w, along, load, beside)

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from . import checks
 from .basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
+from .linear_algebra import one_by_one, pinv
 from .motion import Driven, Flight, State
 from .system import System
 
@@ -68,13 +69,27 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
     sound = (error < unbalanced_at_most(error.dtype)) & (lowest > -1)
     if checks.fails(lambda sound: sound, sound):
-        what = ", ".join(f"{name}={checks.shown(value)}" for name, value in given.items())
-        raise ValueError(
-            f"no equilibrium of {type(system.motion).__name__}() was found{' with ' * bool(what)}{what}: a steady turning "
-            "in the plane bears no gravity, and by Hooke's law no rate beyond critical_rate(system); else start from another "
-            "angle=."
-        )
+        raise ValueError(_none_found(system, given, error, lowest))
     return jax.tree.map(lambda x: jnp.where(sound, x, jnp.nan).astype(dtype), state)
+
+
+def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
+    """What to say where there is no equilibrium, with its likely causes."""
+    what = ", ".join(f"{name}={checks.shown(value)}" for name, value in given.items())
+    driven, linear = isinstance(system.motion, Driven), getattr(system.rod, "linear", True)
+    if _weighs(system) and ("spin" in given or "momentum" in given):
+        causes = ["gravity acts, and a rod spinning in a vertical plane is never steady"]
+    else:
+        causes, balanced = [], float(error) < unbalanced_at_most(error.dtype)
+        if balanced:
+            causes.append(f"the loads would compress it to a strain of {float(lowest):.4g}, beyond -1: raise young=")
+        if linear and ("spin" in given or driven):
+            causes.append("the rate of spin exceeds critical_rate(system)")
+        if not balanced and not driven:
+            causes.append("the search started too far away: pass another angle=")
+    listed = "; ".join(f"({letter}) {cause}" for letter, cause in zip("abc", causes, strict=False))
+    found = f"no equilibrium found for {type(system.motion).__name__}(){' with ' * bool(what)}{what}."
+    return f"{found} Possible causes: {listed or 'the loads have no balance'}."
 
 
 @eqx.filter_jit
@@ -85,7 +100,7 @@ def _search(system, angle, spin, momentum):
     n = 0 if isinstance(system.basis, QuasiStatic) else system.basis.n
     rate = natural_rate(system)
 
-    def residual(x, system):
+    def residual(x):
         spin_, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
         push = accelerations(system, chart_at(system, base, spin_), q, jnp.zeros_like(q)) / rate**2
         if momentum is None:
@@ -103,17 +118,46 @@ def _search(system, angle, spin, momentum):
     if momentum is not None:  # a low rate to begin with: from above the critical one the search would not come back
         slow = jnp.asarray(momentum, dtype) / system.body.mass_matrix[0, 0]
         q0 = jnp.concatenate([(slow / jnp.sqrt(1 + (slow / rate) ** 2))[None], q0])
-    frozen = jax.lax.stop_gradient(system)
-    solver = optx.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
-    x = optx.least_squares(residual, solver, q0, frozen, max_steps=400, throw=False).value
-    # Newton's last step, which carries the derivatives.
-    x = jax.lax.stop_gradient(x)
-    slope = jax.lax.stop_gradient(jax.jacfwd(residual)(x, frozen))
-    x = x - jnp.linalg.pinv(slope, rtol=1e-12) @ residual(x, system)
-    error = jnp.max(jnp.abs(residual(x, system)), initial=0.0)
+    residual = eqx.filter_closure_convert(residual, q0)
+    x = _root(residual, q0)
+    error = jnp.max(jnp.abs(residual(x)), initial=0.0)
     spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
     state = _state(system, base, spin, q)
+    if _weighs(system):  # balanced for a moment only, at the top and at the bottom
+        across = jnp.sqrt(jnp.sum(system.gravity**2)) * jnp.max(jnp.abs(system.body.first_moments))
+        turns = across > 1e-9 * system.body.mass_matrix[0, 0] * rate**2
+        error = jnp.where(turns & (spin != 0), jnp.inf, error)
     return state, error, system.lowest_strain(state.amplitudes)
+
+
+def _weighs(system: System) -> bool:
+    """Whether gravity acts in the plane in which the rod turns freely about a pivot."""
+    free = not isinstance(system.motion, Flight | Driven)
+    return free and system.motion.dimension == 2 and system.gravity is not None
+
+
+@eqx.filter_custom_jvp
+def _root(residual, guess):
+    """x with residual(x) = 0, or as near to it as it gets from `guess`; `residual` is a pytree that holds its numbers."""
+    numbers, rest = eqx.partition((residual, guess), eqx.is_array)
+
+    @one_by_one
+    def search(numbers):
+        residual, guess = eqx.combine(numbers, rest)
+        solver = optx.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
+        x = optx.least_squares(lambda x, _: residual(x), solver, guess, max_steps=400, throw=False).value
+        return x - pinv(jax.jacfwd(residual)(x)) @ residual(x)
+
+    return search(numbers)
+
+
+@_root.def_jvp
+def _root_jvp(primals, tangents):
+    """By the implicit function theorem, at a root that has derivatives itself: right to any order."""
+    (residual, guess), (tangent, _) = primals, tangents
+    x = _root(residual, guess)
+    _, moved = eqx.filter_jvp(lambda residual: residual(x), (residual,), (tangent,))
+    return x, -pinv(jax.jacfwd(residual)(x)) @ moved
 
 
 def accelerations(system: System, chart: AbstractChart, q, v) -> Float[Array, " N"]:

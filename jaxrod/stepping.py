@@ -13,6 +13,7 @@ from .energy import gravity_pivoted, kinetic_director
 from .equations import eigenvalues
 from .flat import Flat
 from .ledger import energy_change, is_closed, over, with_start
+from .linear_algebra import eigvalsh
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motion import Driven, Flight, State
 from .multistep import AbstractMultistep, Remembered
@@ -214,7 +215,7 @@ def _condition(system: System) -> Float[Array, ""]:
     """By how much rounding grows in the mass matrix of the strain."""
     mass = jax.lax.stop_gradient(system.body.strain_mass)
     size = jnp.sqrt(jnp.diagonal(mass))
-    spread = jnp.linalg.eigvalsh(mass / (size[:, None] * size[None, :]))
+    spread = eigvalsh(mass / (size[:, None] * size[None, :]))
     return spread[-1] / jnp.maximum(spread[0], jnp.finfo(mass.dtype).eps)
 
 

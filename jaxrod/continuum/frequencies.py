@@ -7,23 +7,25 @@ y = x + W^2 F F^T y in mass-weighted numbers.
 from typing import Any
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .. import checks
+from ..linear_algebra import inverse_root, singular_values
 from ..rod import Rod
+from ..stiffening import warn_of_forces
 from .compliance import Axial, axial, linear_support, order_for, support
 
 
 def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     """The first n axial natural frequencies of the exact rod in Hz, ascending, held as the system's motion holds it.
 
-    Unstressed, without spin and gravity; to 1e-10 or better.  A pivot inside the rod holds both its parts: the
+    Unstressed, without spin, gravity and forces; to 1e-10 or better.  A pivot inside the rod holds both its parts: the
     frequencies are those of the two together.  In flight the rod is free at both ends.  Differentiable in every number
     of the rod and in the pivot, forward and reverse, where frequencies coincide too.
 
-    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 0.
+    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 0.  **Warns** of forces that change
+    the axial stiffness, such as a spring at the tip, but not under `jit`, `vmap` or `grad`; `jaxrod.modes` takes them.
 
     >>> import jaxrod
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -31,16 +33,24 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     [19.239 67.424]
     """
     rod, pivot, free = support(system)
+    warn_of_forces("continuum.natural_frequencies", system)
     return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 
 
 def critical_rate(system: Any) -> Float[Array, ""]:
-    """Rate of spin in rad/s at which a rod driven steadily would stretch without bound: the first natural frequency."""
-    return 2 * jnp.pi * natural_frequencies(system, 1)[0]
+    """Rate of spin in rad/s at which a rod driven steadily would stretch without bound: the first natural frequency.
+
+    Forces are left out, and warned of as by `natural_frequencies`.
+    """
+    rod, pivot, free = support(system)
+    warn_of_forces("continuum.critical_rate", system)
+    return _natural(rod, pivot, free, 1, order_for(rod, pivot, 1))[0]
 
 
 def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: bool = False) -> Float[Array, " n"]:
     """The first n axial frequencies in Hz of small vibrations about a steady spin of `rate` (rad/s), without gravity.
+
+    Forces are left out, and warned of as by `natural_frequencies`.
 
     With the rate prescribed, sqrt(omega^2 - rate^2): the first falls to zero at the critical rate.  With `free=True` the
     angular momentum is conserved instead: stretching slows the spin, and that stiffens the rod.  NaN where there is
@@ -58,6 +68,7 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     [19.665 67.385]
     """
     rod, pivot, flying = linear_support(system)
+    warn_of_forces("continuum.spinning_frequencies", system)
     rate, order = checks.number("rate", rate), order_for(rod, pivot, n)
     if free:
         return _spinning(rod, pivot, flying, rate, n, order) / (2 * jnp.pi)
@@ -67,7 +78,7 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
 
 
 def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
-    """Displacement of the tip in m at a steady spin `rate` (rad/s) about the pivot, without gravity.
+    """Displacement of the tip in m at a steady spin `rate` (rad/s) about the pivot, without gravity and forces.
 
     In flight: about the centre of mass and away from it.  Grows without bound as the rate nears the critical one; NaN
     beyond.  Uniform rod held at its root: (tan K / K - 1) length, with K = rate length / sqrt(E / rho).  Hooke's law.
@@ -80,21 +91,23 @@ def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
     0.012566 m
     """
     rod, pivot, flying = linear_support(system)
+    warn_of_forces("continuum.steady_spin", system)
     return _steady_tip(rod, pivot, flying, checks.number("rate", rate), order_for(rod, pivot, 1))
 
 
 @eqx.filter_jit
 def _natural(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Float[Array, " n"]:
     # The parts of a rod held inside are taken one by one: where their frequencies coincide each keeps its own derivative.
-    sigma = jnp.linalg.svd(axial(rod, pivot, free, order).sides, compute_uv=False)
-    return 1 / -jnp.sort(-sigma.reshape(-1))[:n]
+    sigma = [singular_values(side, n) for side in axial(rod, pivot, free, order).sides]
+    return 1 / -jnp.sort(-jnp.concatenate(sigma))[:n]
 
 
 def steady(held: Axial, rate: Float[Array, ""]) -> Float[Array, " M"]:
     """Where the points rest in a steady spin, mass-weighted; NaN at and beyond the critical rate (Cholesky fails)."""
     F = held.F
     square = jnp.eye(F.shape[0], dtype=F.dtype) - rate**2 * (F @ F.T)
-    return jax.scipy.linalg.cho_solve(jax.scipy.linalg.cho_factor(square), held.lever)
+    root = inverse_root(square)
+    return root @ (root.T @ held.lever)
 
 
 @eqx.filter_jit
@@ -112,6 +125,4 @@ def _spinning(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], n: int, 
     pull = F.T @ y
     square = jnp.eye(F.shape[1], dtype=F.dtype) - rate**2 * (F.T @ F)
     square = square + 4 * rate**2 / inertia * (pull[:, None] * pull[None, :])
-    lower = jnp.linalg.cholesky(square)
-    scaled = jax.scipy.linalg.solve_triangular(lower, F.T, lower=True)
-    return 1 / jnp.linalg.svd(scaled, compute_uv=False)[:n]
+    return 1 / singular_values(inverse_root(square).T @ F.T, n)

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..linear_algebra import svd
 from ..mesh import panel_ends, safe_sqrt
 from ..quadrature import Panels
 from ..rod import Rod
@@ -89,8 +90,8 @@ class Waves(eqx.Module):
 def waves(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Waves:
     """The first n modes of this rod on `order` nodes for each panel, supported as `support` says."""
     held = axial(rod, pivot, free, order)
-    U, sigma, Vt = jnp.linalg.svd(held.F, full_matrices=False)
-    omega, U, V = 1 / sigma[:n], U[:, :n], Vt[:n].T
+    U, sigma, V = svd(held.F, n)
+    omega = 1 / sigma
     root = safe_sqrt(held.mesh.mass)
     start = rod.center_of_mass if free else pivot
     ends = panel_ends(rod, [] if start is None else [jax.lax.stop_gradient(start) if free else start])
