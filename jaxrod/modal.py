@@ -13,7 +13,7 @@ from .chart import Local
 from .motion import State
 from .projection import Projection
 from .rod import Rod
-from .system import System
+from .system import System, check_state, check_system
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning
 
@@ -33,6 +33,7 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))).round(3))
     [ 19.239  68.213 158.859]
     """
+    check_system(system)
     frequencies, lowered = _natural_frequencies(system)
     if lowered is not None and checks.fails(lambda lowered: lowered < _THICK, lowered):
         warnings.warn(
@@ -72,6 +73,8 @@ def frequency_error(system: System) -> Float[Array, " n"]:
     [10.27]
     """
     frequencies = natural_frequencies(system)
+    if frequencies.size == 0:
+        return frequencies
     return _percent_above(frequencies, continuum.natural_frequencies(system, frequencies.shape[0]))
 
 
@@ -93,6 +96,7 @@ def critical_rate(system: System) -> Float[Array, ""]:
     >>> print(jaxrod.critical_rate(jaxrod.System(rod, jaxrod.Rotation())).round(2))
     158.11
     """
+    check_system(system)
     if system.basis.n == 0:
         raise ValueError("basis=Ritz(0) is rigid and holds at any rate; take Ritz(1) or more.")
     if isinstance(system.rod, Rod) and not system.rod.linear:
@@ -145,7 +149,9 @@ def modes(system: System, about: State | None = None) -> Modes:
          0.610341             0   1.000    0.000
           25.1646             0   0.000    1.000
     """
+    check_system(system)
     about = statics.equilibrium(system) if about is None else about
+    check_state(system, about, "about")
     frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
     if checks.fails(lambda x: x < 100 * statics.unbalanced_at_most(x.dtype), unbalanced):
         raise ValueError(

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from . import calling, checks
 from .law import hooke
 from .quadrature import Panels
-from .section import AbstractSection, Profile, profile
+from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
 
 _FASTEST_SOLID = 2.0e4  # m/s: sound in diamond is about 18 km/s
 _ORDER = 16  # Gauss-Legendre points per panel; exact for polynomial integrands of degree 31
@@ -60,18 +60,37 @@ class Rod(eqx.Module):
         self.density = profile("density", density, "kg/m^3")
         self.tip_mass = None if tip_mass is None else checks.not_negative("tip_mass", tip_mass, "kg, or None")
         if tip_inertia is not None and tip_mass is None:
-            raise ValueError(f"tip_inertia={tip_inertia!r} belongs to a body at the tip; give tip_mass= too.")
+            raise ValueError(
+                f"tip_inertia={checks.given(tip_inertia)} belongs to a body at the tip; give tip_mass= too."
+            )
         self.tip_inertia = (
             None if tip_inertia is None else checks.not_negative("tip_inertia", tip_inertia, "kg m^2, or None")
         )
         if not callable(law):
-            raise ValueError(f"law={law!r} is not a strain law; give a function of strain such as jaxrod.law.green.")
+            raise ValueError(
+                f"law={checks.given(law)} is not a strain law; give a function of strain such as jaxrod.law.green."
+            )
         self.law = checks.carried(law)
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
+        self._check_functions()
         self._check_profiles()
         self._check_law()
+
+    def _check_functions(self):
+        s, shapes = calling.like(3), [(3,), (1,), ()]
+        for name, value, unit in (
+            ("section", self.section, "m^2"),
+            ("young", self.young, "Pa"),
+            ("density", self.density, "kg/m^3"),
+        ):
+            if isinstance(value, Profile):
+                calling.tried(f"{name}=", f"of an array s (m) -> {unit}", value.function, s, shapes=shapes)
+            elif isinstance(value, AbstractSection) and not isinstance(value, Uniform | Cone | Table):
+                calling.tried(
+                    f"{name}=", "area of arrays s, length (m) -> m^2", value.area, s, self.length, shapes=shapes
+                )
 
     def _check_profiles(self):
         outside = [s for s in self.breaks if checks.fails(lambda length, s=s: 0 < s < length, self.length)]
@@ -111,8 +130,8 @@ class Rod(eqx.Module):
             return jax.jvp(self.law, (strain,), (jnp.ones_like(strain),))
 
         rest = jnp.zeros(2)
-        if jax.eval_shape(self.law, rest).shape != (2,):
-            raise ValueError(f"law={self.law_name} must give one energy for each strain of an array.")
+        wanted = "of an array of strains -> one energy over Young's modulus for each"
+        calling.tried(f"law={self.law_name}", wanted, self.law, rest, shapes=[rest.shape])
         (energy, stress), (_, stiffness) = jax.jvp(slope, (rest,), (jnp.ones_like(rest),))
         for name, value, wanted in (("W", energy, 0.0), ("W'", stress, 0.0), ("W''", stiffness, 1.0)):
             if checks.fails(lambda x, wanted=wanted: np.abs(x - wanted) < 1e-3, value):

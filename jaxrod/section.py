@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from . import calling, checks
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _STEEPEST = 1e4  # ratio of radii beyond which a cone counts as pointed
@@ -139,8 +139,8 @@ class Table(AbstractSection):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
-        size = (int(np.size(positions)),)
-        self.positions = checks.number("Table(positions=)", positions, size)
+        self.positions = checks.numbers("Table(positions=)", positions, "coordinates in m")
+        size = self.positions.shape
         name, measured = ("radii", radii) if areas is None else ("areas", areas)
         measured = checks.number(f"Table({name}=)", measured, size)
         if size[0] < 2:
@@ -211,12 +211,14 @@ class Profile(AbstractSection):
 
     def __init__(self, function, breaks=()):
         if not callable(function):
-            raise ValueError(f"section={function!r} is not a section; give Uniform, Cone, Table or a function of s.")
+            raise ValueError(
+                f"section={checks.given(function)} is not a section; give Uniform, Cone, Table or a function of s."
+            )
         self.function = checks.carried(function)
         self.breaks = _increasing(breaks)
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
-        return jnp.broadcast_to(jnp.asarray(self.function(s)), jnp.shape(s))
+        return jnp.broadcast_to(calling.real(self.function(s)), jnp.shape(s))
 
     def area(self, s, length):
         del length
@@ -236,7 +238,9 @@ def _increasing(breaks) -> tuple[float, ...]:
     try:
         breaks = tuple(float(s) for s in breaks)
     except (TypeError, ValueError):  # a tracer, too: how many pieces there are must be known
-        raise ValueError(f"breaks={breaks!r} must be a sequence of numbers in m, known and not traced.") from None
+        raise ValueError(
+            f"breaks={checks.given(breaks)} must be a sequence of numbers in m, known and not traced."
+        ) from None
     if not np.all(np.isfinite(breaks)):
         raise ValueError(f"breaks={breaks} must be finite numbers in m.")
     if list(breaks) != sorted(set(breaks)):

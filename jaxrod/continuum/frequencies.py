@@ -23,7 +23,7 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     frequencies are those of the two together.  In flight the rod is free at both ends.  Differentiable in every number
     of the rod and in the pivot, forward and reverse, where frequencies coincide too.
 
-    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 0.
+    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 1.
 
     >>> import jaxrod
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -31,6 +31,7 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     [19.239 67.424]
     """
     rod, pivot, free = support(system)
+    n = checks.count("n", n, 1, "frequencies")
     return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 
 
@@ -58,6 +59,8 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     [19.665 67.385]
     """
     rod, pivot, flying = linear_support(system)
+    n = checks.count("n", n, 1, "frequencies")
+    checks.switch("free", free)
     rate, order = checks.number("rate", rate), order_for(rod, pivot, n)
     if free:
         return _spinning(rod, pivot, flying, rate, n, order) / (2 * jnp.pi)
