@@ -39,9 +39,7 @@ def check_scene(system: Any, start: Any, chart: Any = None) -> None:
         )
 
 
-def check_run(
-    start: Any, t0, saveat: Any, event: Any, progress_meter: Any, stepsize_controller: Any, throw: Any
-) -> None:
+def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize_controller: Any, throw: Any) -> None:
     """What `simulate` hands on to Diffrax; functions in it are tried on the start."""
     for name, value, kind, example in (
         ("saveat", saveat, diffrax.SaveAt, "diffrax.SaveAt(t1=True)"),
@@ -52,10 +50,11 @@ def check_run(
         if value is not None and not isinstance(value, kind):
             raise ValueError(f"{name}={checks.given(value)} does not fit; give an instance, such as {example}.")
     checks.switch("throw", throw)
+    t = calling.like()
     if saveat is not None and isinstance(saveat.subs, diffrax.SubSaveAt):
         wanted = "(t, state, args) -> arrays"
         calling.rehearsed(
-            lambda t, state: calling.arrays("saveat.fn", wanted, saveat.subs.fn, t, state, None), t0, start
+            lambda t, state: calling.arrays("saveat.fn", wanted, saveat.subs.fn, t, state, None), t, start
         )
     if event is not None:
         others = dict.fromkeys(("terms", "solver", "t0", "t1", "dt0", "saveat", "stepsize_controller", "max_steps"))
@@ -63,7 +62,7 @@ def check_run(
             if not callable(condition):
                 raise ValueError(f"event={checks.given(condition)} is not a condition; give diffrax.Event(function).")
             checked = jax.tree_util.Partial(condition, **others)
-            calling.tried("event", "(t, state, args, **kwargs) -> one number", checked, t0, start, None, shapes=[()])
+            calling.tried("event", "(t, state, args, **kwargs) -> one number", checked, t, start, None, shapes=[()])
 
 
 def check_system(system: Any, start: Any) -> None:

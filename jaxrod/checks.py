@@ -201,7 +201,8 @@ def given(value: Any) -> str:
     if isinstance(value, types.FunctionType):
         return f"<function {value.__name__}>"
     text = repr(value)
-    return text if len(text) <= _BRIEF and "\n" not in text else f"{type(value).__name__}(...)"
+    told = len(text) <= _BRIEF and not any(x in text for x in ("\n", " at 0x", "Tracer"))
+    return text if told else f"{type(value).__name__}(...)"
 
 
 def brief(value: Any) -> str:

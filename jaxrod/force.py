@@ -162,7 +162,7 @@ class TipForce(AbstractStrength):
     force: Any
 
     def __init__(self, force):
-        self.force = _strength("TipForce(force=)", force, np.shape(_number(force)))
+        self.force = _strength("TipForce(force=)", force, np.shape(_number(force))[:1])
 
     @property
     def strength(self):

@@ -76,6 +76,7 @@ class Rod(eqx.Module):
         )
         self._check_functions()
         self._check_profiles()
+        self._check_size()
         self._check_law()
 
     def _check_functions(self):
@@ -122,6 +123,22 @@ class Rod(eqx.Module):
                 stacklevel=3,
             )
 
+    def _check_size(self):
+        """What squares, or the numbers' type, would lose."""
+        _, *profiles, _ = _profiles(self)
+        if not all(map(checks.known, (self.length, *profiles))):
+            return
+        length = np.float64(self.length)
+        area, modulus, density = (np.max(np.asarray(x, float)) for x in profiles)
+        limits = np.finfo(self.length.dtype)
+        with np.errstate(all="ignore"):
+            inertia, stiffness = density * area * length**3, modulus * area * length
+        if not all(limits.tiny < x < limits.max for x in (inertia, stiffness)):
+            raise ValueError(
+                f"length={length:.3g} m with areas up to {area:.3g} m^2 has an inertia or stiffness beyond {limits.dtype}; give "
+                "both in metres."
+            )
+
     def _check_law(self):
         if self.linear:
             return
@@ -159,14 +176,16 @@ class Rod(eqx.Module):
 
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
-        return self.section.area(s, self.length)
+        return self.section.area(checks.reals("s", s), self.length)
 
     def modulus(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Young's modulus in Pa at s (m)."""
+        s = checks.reals("s", s)
         return self.young(s) if isinstance(self.young, Profile) else jnp.broadcast_to(self.young, jnp.shape(s))
 
     def mass_density(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Density in kg/m^3 at s (m)."""
+        s = checks.reals("s", s)
         return self.density(s) if isinstance(self.density, Profile) else jnp.broadcast_to(self.density, jnp.shape(s))
 
     def panels(self, order: int = _ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
@@ -229,10 +248,12 @@ class Rod(eqx.Module):
 
     def first_moment(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about) ds in kg m, with the body at the tip."""
+        about = checks.number("about", about)
         return self._mass_moment(lambda s: s - about)
 
     def moment_of_inertia(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about)^2 ds in kg m^2, with the body at the tip: (16) for the cone about its root."""
+        about = checks.number("about", about)
         inertia = self._mass_moment(lambda s: (s - about) ** 2)
         return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 

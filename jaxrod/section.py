@@ -236,6 +236,8 @@ def profile(name: str, value: Any, unit: str) -> Any:
 
 def _increasing(breaks) -> tuple[float, ...]:
     try:
+        if isinstance(breaks, str | dict | set):
+            raise TypeError
         breaks = tuple(float(s) for s in breaks)
     except (TypeError, ValueError):  # a tracer, too: how many pieces there are must be known
         raise ValueError(

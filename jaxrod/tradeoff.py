@@ -133,10 +133,7 @@ def tradeoff(
     >>> print(found.reference, len(found.front) > 0)
     the exact rod True
     """
-    if isinstance(seconds, bool) or not isinstance(seconds, int | float | np.number) or not seconds > 0:
-        raise ValueError(
-            f"seconds={checks.given(seconds)} is no time to measure in; give a positive number of seconds."
-        )
+    seconds = float(checks.positive("seconds", seconds, "seconds of computing"))
     arguments.check_known(system, start, "measure one like it by itself", static)
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
