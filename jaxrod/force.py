@@ -294,7 +294,8 @@ class ShakenBase(AbstractForce):
     def check(self, motion):
         _check_pivot(self, motion)
         name, given = ("position", self.position) if self.acceleration is None else ("acceleration", self.acceleration)
-        wanted = f"t (s) -> {'the place of the pivot in m' if name == 'position' else 'its acceleration in m/s^2'}, ({motion.dimension},)"
+        what = "the place of the pivot in m" if name == "position" else "the pivot's acceleration in m/s^2"
+        wanted = f"t (s) -> {what}, ({motion.dimension},)"
         calling.tried(f"ShakenBase({name}=)", wanted, given, calling.like(), shapes=[(motion.dimension,)])
 
     def try_out(self, t, state, power):

@@ -124,7 +124,9 @@ def test_given_steps_that_pass_over_a_load(uniform):
 
 def test_a_load_that_is_meant_to_be_zero_in_the_state_is_not_questioned(uniform):
     """A spring that is slack at the start, a torque against a rod at rest."""
-    system = scene(uniform, jaxrod.Torque(lambda t, state: -0.1 * state.angle), jaxrod.Torque(lambda t, state: -state.rate))
+    system = scene(
+        uniform, jaxrod.Torque(lambda t, state: -0.1 * state.angle), jaxrod.Torque(lambda t, state: -state.rate)
+    )
     assert jaxrod.simulate(system, system.state(), t1=0.1).ok
 
 

@@ -164,6 +164,10 @@ TAKERS = {
     "PivotFriction": (lambda f: made(forces=(jaxrod.PivotFriction(f),)), r"^PivotFriction\(coefficient=\) "),
     "KelvinVoigt": (lambda f: made(forces=(jaxrod.KelvinVoigt(f),)), r"^KelvinVoigt\(time=\) "),
     "ShakenBase": (lambda f: made(forces=(jaxrod.ShakenBase(f),)), r"^ShakenBase\(position=\) "),
+    "ShakenBase, acceleration": (
+        lambda f: made(forces=(jaxrod.ShakenBase(acceleration=f),)),
+        r"^ShakenBase\(acceleration=\) ",
+    ),
     "own force": (lambda f: made(forces=(Power(f),)), r"^Power\.power "),
     "Driven": (lambda f: jaxrod.Driven(f), r"^Driven\(angle=\) "),
     "Lagrangian": (lambda f: run(jaxrod.Lagrangian(f), (np.ones(2), np.ones(2))), r"^Lagrangian\(function=\) "),
@@ -438,6 +442,43 @@ ROWS = [
     ("KelvinVoigt: negative", lambda: made(forces=[jaxrod.KelvinVoigt(lambda t, s: -1e-3)]), r"returned -0\.001 at t=0; give", ValueError),
     ("PivotFriction: in flight", lambda: made(jaxrod.Flight(), forces=[jaxrod.PivotFriction(0.1)]), r"needs a pivot.*take", ValueError),
     ("ShakenBase: a number", lambda: jaxrod.ShakenBase(0.1), r"ShakenBase\(position=0\.1\) is not a function.*give", ValueError),
+    ("ShakenBase: nothing", lambda: jaxrod.ShakenBase(), r"neither of position= and acceleration= given; give", ValueError),
+    ("ShakenBase: both", lambda: jaxrod.ShakenBase(lambda t: t, acceleration=lambda t: t), r"both of position= and.*give", ValueError),
+    ("ShakenBase: acceleration a number", lambda: jaxrod.ShakenBase(acceleration=9.81), r"acceleration=9\.81\) is not a function.*give", ValueError),
+    ("ShakenBase: a record of one", lambda: made(forces=[jaxrod.ShakenBase(jaxrod.Record(TS, TS))]), r"position=\) returned .*shape \(\); give", ValueError),
+    ("Torque: a record of two", lambda: made(forces=[jaxrod.Torque(jaxrod.Record(TS, np.ones((5, 2))))]), r"moment=\) returned .*\(2,\); give", ValueError),
+    ("Driven: a record of two", lambda: jaxrod.Driven(jaxrod.Record(TS, np.ones((5, 2)))), r"angle=\) returned .*\(2,\); give", ValueError),
+    *(
+        (f"Record: {name}", lambda times=times, samples=samples: jaxrod.Record(times, samples), said, ValueError)
+        for name, times, samples, said in (
+            ("times text", "now", TS, r"Record\(times=\)='now'.*give"),
+            ("times none", None, TS, r"Record\(times=\)=None.*give"),
+            ("times complex", TS * 1j, TS, r"Record\(times=\)=.*complex; give"),
+            ("times one", TS[:1], TS[:1], r"Record\(times=.*give"),
+            ("times back", TS[::-1], TS, r"Record\(times=\) must increase"),
+            ("times matrix", np.ones((2, 2)), TS, r"Record\(times=\) has shape \(2, 2\); give"),
+            ("samples text", TS, "a", r"Record\(samples=\)='a'.*give"),
+            ("samples words", TS, list("abcde"), r"Record\(samples=\)=.*give"),
+            ("samples none", TS, None, r"Record\(samples=\)=None.*give"),
+            ("samples too few", TS, TS[:3], r"Record\(samples=\) has shape \(3,\) for 5 times; give"),
+            ("samples complex", TS, TS * 1j, r"Record\(samples=\).*complex.*give"),
+            ("samples nan", TS, TS * math.nan, r"Record\(samples=\)=.*not finite; give"),
+            ("samples of rank 3", TS, np.ones((5, 1, 1)), r"Record\(samples=\) has shape \(5, 1, 1\).*give"),
+        )
+    ),
+    *(
+        (f"Impulse: {name}", lambda given=given: jaxrod.Impulse(*given), said, ValueError)
+        for name, given, said in (
+            ("total text", ("a", 0.0, 1.0), r"Impulse\(total=\)='a'.*give"),
+            ("total none", (None, 0.0, 1.0), r"Impulse\(total=\)=None.*give"),
+            ("total matrix", (np.eye(2), 0.0, 1.0), r"Impulse\(total=\) has shape \(2, 2\) but must"),
+            ("total complex", (1j, 0.0, 1.0), r"Impulse\(total=\).*complex.*give"),
+            ("start text", (1.0, "a", 1.0), r"Impulse\(start=\)='a'.*give"),
+            ("start list", (1.0, [0.0, 1.0], 1.0), r"Impulse\(start=\) has shape \(2,\) but must"),
+            ("width zero", (1.0, 0.0, 0.0), r"Impulse\(width=\)=0 must"),
+            ("width truth", (1.0, 0.0, True), r"Impulse\(width=\)=True.*give"),
+        )
+    ),
     ("ShakenBase: one number", lambda: made(forces=[jaxrod.ShakenBase(lambda t: t)]), r"ShakenBase.*shape \(\); give", ValueError),
     (
         "ShakenBase: NumPy",
