@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from . import calling, checks
 from .chart import AbstractChart
 from .lagrangian import Lagrangian
 from .motion import Driven, State, check_start
@@ -17,26 +17,57 @@ from .rod import Rod
 from .stepping import LEAST_TOLERANCE
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
+from .system import check_system as check_is_system
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 
 
 def check_scene(system: Any, start: Any, chart: Any = None) -> None:
     if not isinstance(system, System | Lagrangian):
-        raise ValueError(f"system={system!r} cannot be simulated; give a System, or Lagrangian(function of t, q, v).")
-    if isinstance(system, System) != isinstance(start, State):
+        raise ValueError(
+            f"system={checks.given(system)} cannot be simulated; give a System, or Lagrangian(function of t, q, v)."
+        )
+    pair = isinstance(start, tuple | list) and len(start) == 2
+    if not (isinstance(start, State) if isinstance(system, System) else pair):
         needed = "a state, made by system.state(angle=..., rate=...)" if isinstance(system, System) else "a pair (q, v)"
-        raise ValueError(f"start={start!r} does not fit; this system starts from {needed}.")
+        raise ValueError(f"start={checks.given(start)} does not fit; this system starts from {needed}, so give that.")
+    if isinstance(system, Lagrangian):
+        system.check(calling.like(), *start)
     if chart is not None and not (isinstance(chart, AbstractChart) and isinstance(system, System)):
         raise ValueError(
-            f"chart={chart!r} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
+            f"chart={checks.given(chart)} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
         )
+
+
+def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize_controller: Any, throw: Any) -> None:
+    """What `simulate` hands on to Diffrax; functions in it are tried on the start."""
+    for name, value, kind, example in (
+        ("saveat", saveat, diffrax.SaveAt, "diffrax.SaveAt(t1=True)"),
+        ("event", event, diffrax.Event, "diffrax.Event(lambda t, state, args, **_: state.angle)"),
+        ("progress_meter", progress_meter, diffrax.AbstractProgressMeter, "diffrax.TqdmProgressMeter()"),
+        ("stepsize_controller", stepsize_controller, diffrax.AbstractStepSizeController, "diffrax.ConstantStepSize()"),
+    ):
+        if value is not None and not isinstance(value, kind):
+            raise ValueError(f"{name}={checks.given(value)} does not fit; give an instance, such as {example}.")
+    checks.switch("throw", throw)
+    t = calling.like()
+    if saveat is not None and isinstance(saveat.subs, diffrax.SubSaveAt):
+        wanted = "(t, state, args) -> arrays"
+        calling.rehearsed(
+            lambda t, state: calling.arrays("saveat.fn", wanted, saveat.subs.fn, t, state, None), t, start
+        )
+    if event is not None:
+        others = dict.fromkeys(("terms", "solver", "t0", "t1", "dt0", "saveat", "stepsize_controller", "max_steps"))
+        for condition in jax.tree.leaves(event.cond_fn, is_leaf=callable):
+            if not callable(condition):
+                raise ValueError(f"event={checks.given(condition)} is not a condition; give diffrax.Event(function).")
+            checked = jax.tree_util.Partial(condition, **others)
+            calling.tried("event", "(t, state, args, **kwargs) -> one number", checked, t, start, None, shapes=[()])
 
 
 def check_system(system: Any, start: Any) -> None:
     """A `System`, no other `Lagrangian`, and a start of it."""
-    if not isinstance(system, System):
-        raise ValueError(f"system={system!r} is no scene; give a System(rod, motion, basis).")
+    check_is_system(system)
     check_scene(system, start)
     check_start(system.motion, system.basis.n, start)
 
@@ -61,7 +92,7 @@ def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | 
         why = system.unsplit if isinstance(system, System) else "it is any Lagrangian"
         raise ValueError(f"solver={name}() cannot step this scene: {why}; take solver=diffrax.Dopri8().")
     if chart is not None:
-        raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={chart!r}.")
+        raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={checks.given(chart)}.")
     if solver.needs_nystrom and system.basis.n and not (system.splits_flat or isinstance(system.motion, Driven)):
         raise ValueError(
             f"solver={name}() keeps its order for uniform strain, rigid and driven rods alone; take ABA864() or BlanesMoan4()."
@@ -178,6 +209,8 @@ def checked_tolerance(tolerance, dtype) -> Float[Array, ""]:
     if tolerance is None:
         tolerance = _DEFAULT_TOLERANCE[name]
     tolerance = checks.positive("tolerance", tolerance, "relative error of the tip's position")
+    if checks.fails(lambda tolerance: tolerance < 1, tolerance):
+        raise ValueError(f"tolerance={checks.shown(tolerance)} is a relative error of 1 or more; give a smaller one.")
     if checks.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
         other = "call jaxrod.configure() and build the scene in float64" if name == "float32" else "take a larger one"
         raise ValueError(
@@ -188,15 +221,17 @@ def checked_tolerance(tolerance, dtype) -> Float[Array, ""]:
 
 def check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
     if not isinstance(solver, diffrax.AbstractSolver | AbstractMultistep):
-        raise ValueError(f"solver={solver!r} is not a solver; give an instance, such as diffrax.Tsit5().")
+        raise ValueError(f"solver={checks.given(solver)} is not a solver; give an instance, such as diffrax.Tsit5().")
     if dt0 is not None:
         checks.positive("dt0", dt0, "seconds")
     if n_steps is not None:
-        checks.number("n_steps", n_steps)
+        n_steps = checks.number("n_steps", n_steps)
         if checks.fails(lambda n: (n >= 1) & (n == np.floor(n)), n_steps):
-            raise ValueError(f"n_steps={n_steps} must be a positive whole number.")
+            raise ValueError(f"n_steps={checks.shown(n_steps)} must be a positive whole number.")
         if dt0 is not None or stepsize_controller is not None:
-            raise ValueError(f"n_steps={n_steps} fixes the steps; leave out dt0= and stepsize_controller=.")
+            raise ValueError(
+                f"n_steps={checks.brief(n_steps)} fixes the steps; leave out dt0= and stepsize_controller=."
+            )
     elif isinstance(solver, BlanesMoan6 | ABA864) and plain:
         return  # steps are counted by the tolerance
     elif dt0 is None and stepsize_controller is None and not isinstance(solver, diffrax.AbstractAdaptiveSolver):

@@ -13,8 +13,10 @@ import abc
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
+from . import checks
 from .projection import Projection, inverse_root, lumped
 from .quadrature import Panels, legendre, local
 from .rod import Lumped, Rod
@@ -117,12 +119,14 @@ class AbstractBasis(eqx.Module):
 class AbstractShapes(AbstractBasis):
     """A basis of n strain shapes of its own."""
 
-    n: int = eqx.field(static=True)
+    n: int = eqx.field(static=True, converter=lambda n: int(n) if isinstance(n, np.integer) else n)
 
     def __check_init__(self):
         if type(self.n) is not int or self.n < 0:
             name = type(self).__name__
-            raise ValueError(f"{name}(n={self.n}) is not available; give a whole number of strain shapes, 0 for rigid.")
+            raise ValueError(
+                f"{name}(n={checks.given(self.n)}) is not available; give a whole number of strain shapes, 0 for rigid."
+            )
 
 
 class Ritz(AbstractShapes):
@@ -235,7 +239,9 @@ class QuasiStatic(AbstractBasis):
 
     def __init__(self, basis: AbstractBasis):
         if not isinstance(basis, AbstractBasis) or isinstance(basis, QuasiStatic) or basis.n < 1:
-            raise ValueError(f"QuasiStatic(basis={basis!r}) has no strain to condense; give a basis such as Ritz(3).")
+            raise ValueError(
+                f"QuasiStatic(basis={checks.given(basis)}) has no strain to condense; give a basis such as Ritz(3)."
+            )
         self.basis = basis
 
     @property

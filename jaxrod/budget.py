@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import checks
+from . import calling, checks
 from .ladder import on_rung, richer
 from .limits import ModelLimits, model_limits
 from .motion import State
@@ -115,6 +115,8 @@ def budgets(
     `run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance;
     `times=` are in place of those that `solution` saved.
     """
+    for quantity in quantities:  # one that fails does so before the runs
+        calling.rehearsed(quantity, solution)
     shared = functools.cache(lambda: finer_runs(system, start, solution, run))
 
     def told(quantity):

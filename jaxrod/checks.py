@@ -16,6 +16,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Inexact
 
+_BRIEF = 60  # characters of what is repeated in a message
+
 
 def known(value: Any) -> bool:
     """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
@@ -103,9 +105,11 @@ def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array,
     """
     try:
         array = jnp.asarray(value)
+        if array.dtype == bool:
+            raise TypeError
         array = array if jnp.issubdtype(array.dtype, jnp.inexact) else array * 1.0
-    except (TypeError, ValueError):
-        raise ValueError(f"{name}={value!r} is not a number; give a real number in SI units.") from None
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name}={given(value)} is not a number; give a real number in SI units.") from None
     if array.shape != shape:
         wanted = "one number" if shape == () else f"an array of shape {shape}"
         raise ValueError(
@@ -113,17 +117,38 @@ def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array,
             "jaxrod.sweep."
         )
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
-        raise ValueError(f"{name}={value!r} is complex; give a real number in SI units.")
+        raise ValueError(f"{name}={given(value)} is complex; give a real number in SI units.")
     if fails(np.isfinite, array):
         raise ValueError(f"{name}={shown(array)} is not finite; give a finite number in SI units.")
     return array
+
+
+def reals(name: str, value: Any) -> Inexact[Array, "..."]:
+    """`value` as real floating-point numbers of any shape, finite or not."""
+    try:
+        array = jnp.asarray(value)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name}={given(value)} is not numbers; give real ones.") from None
+    if array.dtype == bool or jnp.issubdtype(array.dtype, jnp.complexfloating):
+        raise ValueError(f"{name} holds numbers of type {array.dtype}; give real ones.")
+    return array if jnp.issubdtype(array.dtype, jnp.inexact) else array * 1.0
+
+
+def along(name: str, value: Any, length: Any) -> Float[Array, " points"]:
+    """Material coordinates in m in a row, within a rod of this length where that is known."""
+    s = numbers(name, value, "material coordinates in m")
+    if fails(lambda s, length: (s >= 0) & (s <= np.min(length) * (1 + 1e-6)), s, length):
+        raise ValueError(
+            f"{name}={shown(s)} m goes beyond the rod; give coordinates within 0 and length={shown(length)} m."
+        )
+    return s
 
 
 def numbers(name: str, value: Any, what: str) -> Float[Array, " N"]:
     """`value` as a floating-point array of one axis with an entry at least."""
     try:
         shape = jnp.asarray(value).shape
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         shape = (1,)  # `number` says what is wrong
     if len(shape) != 1 or shape == (0,):
         raise ValueError(f"{name} has shape {shape}; give {what} in a row, (T,) with T at least 1.")
@@ -160,7 +185,20 @@ def in_type(dtype: Any, tree: Any) -> Any:
 def switch(name: str, value: Any) -> None:
     """Refuse, by `ValueError`, what is not True or False."""
     if not isinstance(value, bool | np.bool_):
-        raise ValueError(f"{name}={value!r} must be True or False.")
+        raise ValueError(f"{name}={given(value)} must be True or False.")
+
+
+def optional_switch(name: str, value: Any) -> None:
+    """Refuse, by `ValueError`, what is not True, False or None."""
+    if value is not None:
+        switch(name, value)
+
+
+def count(name: str, value: Any, least: int, what: str) -> int:
+    """`value` as a whole number that is known, `least` or more."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
+        raise ValueError(f"{name}={given(value)} must be a whole number of {what}, {least} or more.")
+    return int(value)
 
 
 def shown(value: Any) -> str:
@@ -169,9 +207,21 @@ def shown(value: Any) -> str:
     return f"{array:.6g}" if array.ndim == 0 else np.array2string(array, precision=6, threshold=8)
 
 
+def given(value: Any) -> str:
+    """What was given in place of something else, as it is written in an error message: in a few words."""
+    if isinstance(value, jax.Array | np.ndarray) and (np.ndim(value) > 0 or not known(value)):
+        return f"an array of shape {np.shape(value)}"
+    if isinstance(value, types.FunctionType):
+        return f"<function {value.__name__}>"
+    text = repr(value)
+    told = len(text) <= _BRIEF and not any(x in text for x in ("\n", " at 0x", "Tracer"))
+    return text if told else f"{type(value).__name__}(...)"
+
+
 def brief(value: Any) -> str:
-    """A number as it is written in a representation."""
-    return f"{value:.6g}" if known(value) and eqx.is_array_like(value) and jnp.ndim(value) == 0 else repr(value)
+    """A number as it is written in a representation; anything else in a few words."""
+    number = isinstance(value, int | float | np.number | jax.Array) and known(value) and np.ndim(value) == 0
+    return f"{value:.6g}" if number else given(value)
 
 
 def carried(function: Callable[..., Any]) -> Any:

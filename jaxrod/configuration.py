@@ -33,7 +33,7 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     `$OPENBLAS_NUM_THREADS` says otherwise.
 
     **Raises:** `RuntimeError` if JAX has already computed something, as some settings would come too late, or is kept from
-    the CPU by `$JAX_PLATFORMS`; `ValueError` for a number of devices that makes no sense.
+    the CPU by `$JAX_PLATFORMS`; `ValueError` for arguments that make no sense.
 
     Importing `jaxrod` sets nothing.  A second call changes nothing and returns what the first one did; it warns if it asks
     for something else.
@@ -42,13 +42,17 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     >>> print(jaxrod.configure())  # doctest: +SKIP
     jaxrod: float64, 2 CPU devices, compiled programs kept in /home/me/.cache/jaxrod, loops compiled whole
     """
+    if not isinstance(x64, bool):
+        raise ValueError(f"x64={x64!r} must be True or False.")
+    if not (cache is None or isinstance(cache, str | os.PathLike)):
+        raise ValueError(f"cache={cache!r} must be a folder, or None for none.")
+    if devices is not None and (isinstance(devices, bool) or not isinstance(devices, int) or devices < 1):
+        raise ValueError(f"devices={devices!r} must be a positive whole number, or None for one a core.")
     asked = {"x64": x64, "cache": cache, "devices": devices}
     if _done:
         if asked not in (_done[0][1], {"x64": True, "cache": "default", "devices": None}):
             warnings.warn(f"configure() was called before, and stays: {_done[0][0]}.", stacklevel=2)
         return _done[0][0]
-    if devices is not None and not (isinstance(devices, int) and devices > 0):
-        raise ValueError(f"devices={devices!r} must be a positive whole number, or None for one a core.")
     if "cpu" not in os.environ.get("JAX_PLATFORMS", "cpu").lower():
         raise RuntimeError(
             f"JAX_PLATFORMS={os.environ['JAX_PLATFORMS']} leaves out the CPU, on which jaxrod computes; unset it, or add cpu."

@@ -11,7 +11,7 @@ from .lagrangian import Lagrangian
 from .motion import Driven
 from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
-from .system import System
+from .system import System, check_system
 
 
 def default_solver(system: System | Lagrangian) -> diffrax.AbstractSolver:
@@ -43,6 +43,7 @@ def default_chart(system: Any) -> AbstractChart:
     >>> print(jaxrod.default_chart(jaxrod.System(rod, jaxrod.Spherical())))
     Embedded()
     """
+    check_system(system)
     if isinstance(system.motion, Driven):
         return Strains()
     if checks.float_type(system) == jnp.float32:
@@ -56,6 +57,7 @@ def best_solver(system: System | Lagrangian) -> tuple[diffrax.AbstractSolver, st
     """The solver for a scene, and why."""
     if isinstance(system, Lagrangian):
         return diffrax.Dopri8(), "adaptive, for any Lagrangian"
+    check_system(system)
     if system.unsplit:
         return diffrax.Dopri8(), f"adaptive, because {system.unsplit}"
     if isinstance(system.motion, Driven):

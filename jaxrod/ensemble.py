@@ -18,10 +18,11 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 from tqdm import tqdm
 
-from . import checks, configuration
+from . import calling, checks, configuration
 from .result import Result
 
 _LANES = 64  # of every program: eight of the widest registers, which is what hides their latency
+_WANTED = "of one input -> a pytree of arrays"
 _BLOCKS = 16  # in one call: its overhead is spread over them, and the progress bar still moves
 
 
@@ -60,14 +61,20 @@ def sweep(
     >>> print(jaxrod.sweep(lambda x: x**2, jnp.arange(4.0), block=3))
     [0. 1. 4. 9.]
     """
+    if not callable(fn):
+        raise ValueError(f"fn={checks.given(fn)} is not a function; give one of one input.")
+    for leaf in jax.tree.leaves(inputs):
+        if not eqx.is_array_like(leaf) or getattr(leaf, "dtype", np.dtype(float)).kind in "OSU":
+            raise ValueError(f"inputs holds {checks.given(leaf)}, which is no array of numbers; give arrays.")
     sizes = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(inputs)}
     if len(sizes) != 1 or sizes & {(), (0,)}:
         shapes = {jax.tree_util.keystr(path) or "inputs": jnp.shape(x) for path, x in jax.tree.leaves_with_path(inputs)}
         raise ValueError(f"inputs have shapes {shapes}; give arrays of one common first axis, an entry for each scene.")
-    if not isinstance(block, int | np.integer) or block < 1:
-        raise ValueError(f"block={block!r} must be a positive whole number of scenes.")
+    if isinstance(block, bool) or not isinstance(block, int | np.integer) or block < 1:
+        raise ValueError(f"block={checks.given(block)} must be a positive whole number of scenes.")
+    checks.optional_switch("progress", progress)
     if checks.closes_over_traced(fn) or not all(map(checks.known, jax.tree.leaves((fn, inputs)))):
-        return jax.lax.map(fn, inputs, batch_size=block)
+        return jax.lax.map(lambda x: calling.arrays("fn", _WANTED, fn, x), inputs, batch_size=block)
     workers = _workers(devices)
     configuration.complain_once()
     inputs = jax.tree.map(_on_host, inputs)
@@ -98,8 +105,8 @@ def _workers(count: int | None) -> int:
     found = jax.local_device_count()
     if count is None:
         return found
-    if not isinstance(count, int | np.integer) or count < 1:
-        raise ValueError(f"devices={count!r} must be a positive whole number.")
+    if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+        raise ValueError(f"devices={checks.given(count)} must be a positive whole number.")
     if count > found:
         raise ValueError(
             f"devices={count} are not there, JAX has {found}; call jaxrod.configure(devices={count}) before anything "
@@ -115,9 +122,13 @@ def _on_host(x: Any) -> Any:
 def _order(order_by: Any, inputs, scenes: int) -> np.ndarray:
     if order_by is None:
         return np.arange(scenes)
+
     # In blocks too: of a million scenes at once it would take gigabytes.
-    many = jax.jit(lambda inputs: jax.lax.map(order_by, inputs, batch_size=_LANES))
-    cost = np.asarray(many(inputs) if callable(order_by) else order_by)
+    def cost_of(x):
+        return calling.answer("order_by", "of one input -> its predicted cost", order_by, x, shapes=[()])
+
+    many = jax.jit(lambda inputs: jax.lax.map(cost_of, inputs, batch_size=_LANES))
+    cost = np.asarray(many(inputs) if callable(order_by) else checks.reals("order_by", order_by))
     if cost.shape != (scenes,) or not np.all(np.isfinite(cost)):
         raise ValueError(
             f"order_by gives numbers of shape {cost.shape} for {scenes} scenes; give one predicted cost a scene, finite."
@@ -150,7 +161,7 @@ def _call(fn, inputs, counts, mesh: Mesh):
     arrays, rest = eqx.partition(fn, eqx.is_array)
 
     def on_device(arrays, inputs, count):
-        lanes = jax.vmap(eqx.combine(arrays, rest))
+        lanes = jax.vmap(lambda x: calling.arrays("fn", _WANTED, eqx.combine(arrays, rest), x))
         inputs = jax.tree.map(lambda x: x.reshape(_BLOCKS, _LANES, *x.shape[1:]), inputs)
 
         def block(k, out):

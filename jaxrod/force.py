@@ -10,6 +10,7 @@ is seen there.  What is shorter than (t1 - t0) / 4096 may fall between two of th
 """
 
 import abc
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -18,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import checks
+from . import calling, checks
 from .lanes import depends_on_first
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .projection import Projection
@@ -35,6 +36,14 @@ class AbstractForce(eqx.Module):
     @abc.abstractmethod
     def check(self, motion: AbstractMotion) -> None:
         """Refuse, by `ValueError`, a motion this force cannot act on."""
+
+    def try_out(self, t, state: State, power: Callable[[], None]) -> None:
+        """Refuse, by `ValueError`, a function in this force that fails for examples of time and state.
+
+        `power` tries the power as a whole, as is right for a force that is not one of this library.
+        """
+        del t, state
+        power()
 
     @property
     def varies(self) -> bool:
@@ -66,6 +75,9 @@ class _Delayed(AbstractForce):
 
     def check(self, motion):
         self.force.check(motion)
+
+    def try_out(self, t, state, power):
+        del t, state, power  # tried when the scene was built
 
     @property
     def varies(self):
@@ -128,6 +140,11 @@ class Torque(AbstractStrength):
             needed = "three numbers in space" if motion.dimension == 3 else "one number in the plane"
             raise ValueError(f"Torque(moment={checks.shown(self.moment)}) does not fit the motion; give {needed}.")
 
+    def try_out(self, t, state, power):
+        del power
+        wanted, shape = ("one number in N m", ()) if state.planar else ("three numbers in N m", (3,))
+        _try_strength("Torque(moment=)", wanted, self.moment, t, state, [shape])
+
 
 class TipForce(AbstractStrength):
     """A force on the tip: P = F . v_tip.
@@ -145,7 +162,7 @@ class TipForce(AbstractStrength):
     force: Any
 
     def __init__(self, force):
-        self.force = _strength("TipForce(force=)", force, np.shape(_number(force)))
+        self.force = _strength("TipForce(force=)", force, np.shape(_number(force))[:1])
 
     @property
     def strength(self):
@@ -166,6 +183,12 @@ class TipForce(AbstractStrength):
                 f"TipForce(force={checks.shown(self.force)}) does not fit the motion; give one number along the rod or "
                 f"{motion.dimension} in space."
             )
+
+    def try_out(self, t, state, power):
+        del power
+        shape = state.direction.shape
+        wanted = f"one number in N along the rod, or {shape[0]} in space"
+        _try_strength("TipForce(force=)", wanted, self.force, t, state, [(), shape])
 
 
 class PivotFriction(AbstractStrength):
@@ -190,6 +213,10 @@ class PivotFriction(AbstractStrength):
     def check(self, motion):
         _check_pivot(self, motion)
 
+    def try_out(self, t, state, power):
+        del power
+        _try_damping("PivotFriction(coefficient=)", "N m s", self.coefficient, t, state)
+
 
 class KelvinVoigt(AbstractStrength):
     """Viscosity of the material, stress E (strain + time strain'): P = -time a'^T K a'_virtual.
@@ -212,6 +239,10 @@ class KelvinVoigt(AbstractStrength):
 
     def check(self, motion):
         del motion
+
+    def try_out(self, t, state, power):
+        del power
+        _try_damping("KelvinVoigt(time=)", "seconds", self.time, t, state)
 
 
 class ShakenBase(AbstractForce):
@@ -241,7 +272,9 @@ class ShakenBase(AbstractForce):
             raise ValueError(f"ShakenBase: {given} of position= and acceleration= given; give one of them.")
         for name, value in (("position", position), ("acceleration", acceleration)):
             if value is not None and not callable(value):
-                raise ValueError(f"ShakenBase({name}={value!r}) is not a function of time; give one, t -> (D,).")
+                raise ValueError(
+                    f"ShakenBase({name}={checks.given(value)}) is not a function of time; give one, t -> (D,)."
+                )
         self.position = None if position is None else checks.carried(position)
         self.acceleration = None if acceleration is None else checks.carried(acceleration)
 
@@ -255,18 +288,18 @@ class ShakenBase(AbstractForce):
     def moved(self, t) -> tuple[Any, Any, Float[Array, " D"]]:
         """Position, velocity and acceleration of the base at time t; the first two None where only the last is given."""
         if self.acceleration is not None:
-            return None, None, self.acceleration(t)
-        return twice(self.position, t)
+            return None, None, calling.real(self.acceleration(t))
+        return twice(lambda t: calling.real(self.position(t)), t)
 
     def check(self, motion):
         _check_pivot(self, motion)
         name, given = ("position", self.position) if self.acceleration is None else ("acceleration", self.acceleration)
-        shape = getattr(jax.eval_shape(given, jnp.zeros(())), "shape", "no array")
-        if shape != (motion.dimension,):
-            raise ValueError(
-                f"ShakenBase({name}=) gives {shape}; it must give {motion.dimension} numbers, ({motion.dimension},), for "
-                "the pivot."
-            )
+        what = "the place of the pivot in m" if name == "position" else "the pivot's acceleration in m/s^2"
+        wanted = f"t (s) -> {what}, ({motion.dimension},)"
+        calling.tried(f"ShakenBase({name}=)", wanted, given, calling.like(), shapes=[(motion.dimension,)])
+
+    def try_out(self, t, state, power):
+        del t, state, power  # its function was tried with the motion
 
     @property
     def varies(self):
@@ -298,7 +331,22 @@ def _number(value: Any) -> Any:
 
 
 def _at(strength: Any, t, state: State) -> Any:
-    return strength(t, state) if callable(strength) else strength
+    return calling.real(strength(t, state)) if callable(strength) else strength
+
+
+def _try_strength(name: str, wanted: str, strength: Any, t, state: State, shapes: list[tuple[int, ...]]) -> None:
+    if callable(strength):
+        calling.tried(name, f"(t, state) -> {wanted}", strength, t, state, shapes=shapes)
+
+
+def _try_damping(name: str, unit: str, strength: Any, t, state: State) -> None:
+    wanted = f"one number in {unit}, not negative"
+    _try_strength(name, wanted, strength, t, state, [()])
+    if callable(strength):
+        with jax.ensure_compile_time_eval():
+            damping = strength(t, state)
+        if checks.fails(lambda damping: damping >= 0, damping):
+            raise ValueError(f"{name} returned {checks.shown(damping)} at t=0; give a function (t, state) -> {wanted}.")
 
 
 def _is_looked_at(given: Any) -> bool:

@@ -13,7 +13,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from . import checks
+from . import calling, checks
 
 _BLIND = 1e-7  # a direction in which the data change this many times less than in the best one is not identified
 _EXACT = 1e-6  # standard deviations of the data, below which residuals are rounding
@@ -96,8 +96,12 @@ def fit(
     >>> print(f"{found.parameters['young']:.3e} +- {found.standard_errors['young']:.0e} Pa")
     9.999e+06 +- 3e+04 Pa
     """
-    data = jnp.asarray(data) * 1.0
-    sigma = jnp.broadcast_to(jnp.asarray(sigma) * 1.0, data.shape) if jnp.ndim(sigma) == 0 else jnp.asarray(sigma) * 1.0
+    if not callable(model):
+        raise ValueError(f"model={checks.given(model)} is not a function; give one of the parameters.")
+    if max_steps is not None:
+        max_steps = checks.count("max_steps", max_steps, 1, "steps")
+    data, sigma = checks.reals("data", data), checks.reals("sigma", sigma)
+    sigma = jnp.broadcast_to(sigma, data.shape) if sigma.ndim == 0 else sigma
     space = _Parameters(start)
     _check(model, data, sigma, space)
     residuals = _Residuals(model if isinstance(model, eqx.Module) else jax.tree_util.Partial(model), data, sigma, space)
@@ -162,7 +166,7 @@ class _Parameters(eqx.Module):
     def __init__(self, start: PyTree):
         leaves, self.tree = jax.tree_util.tree_flatten_with_path(start, is_leaf=_is_positive)
         if not leaves:
-            raise ValueError(f"start={start!r} holds no parameter; give numbers, or Positive(number).")
+            raise ValueError(f"start={checks.given(start)} holds no parameter; give numbers, or Positive(number).")
         self.names = [_name(path) for path, _ in leaves]
         self.positive = [_is_positive(leaf) for _, leaf in leaves]
         self.starts = [
@@ -199,7 +203,7 @@ def _method(solver: Any) -> tuple[Any, str]:
     if isinstance(solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser):
         return solver, type(solver).__name__
     raise ValueError(
-        f"solver={solver!r} is no solver; give one of Optimistix, such as LevenbergMarquardt, or of Optax."
+        f"solver={checks.given(solver)} is no solver; give one of Optimistix, such as LevenbergMarquardt, or of Optax."
     )
 
 
@@ -240,7 +244,12 @@ def _check(model: Callable, data: Array, sigma: Array, space: _Parameters) -> No
         raise ValueError(
             f"sigma={checks.shown(sigma)} must be positive, one number or one for each of {data.size} data."
         )
-    there = model(space.parameters(jnp.zeros(len(space.names), dtype=data.dtype)))
+    wanted, first = (
+        "of the parameters -> an array like data",
+        space.parameters(jnp.zeros(len(space.names), dtype=data.dtype)),
+    )
+    calling.tried("model", wanted, model, first)
+    there = calling.answer("model", wanted, model, first)
     if jnp.shape(there) != data.shape:
         raise ValueError(f"model returns shape {jnp.shape(there)} but data has shape {data.shape}; they must agree.")
     if not np.all(np.isfinite(there)):

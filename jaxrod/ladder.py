@@ -6,8 +6,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from . import continuum
-from .basis import AbstractBasis, ForceRitz
+from . import checks, continuum
+from .basis import AbstractBasis, ForceRitz, QuasiStatic
 from .chart import Director, Strains
 from .equations import Condensed
 from .force import KelvinVoigt, PivotFriction, ShakenBase, Torque
@@ -15,7 +15,7 @@ from .lagrangian import solve_positive
 from .load_basis import LoadRitz
 from .motion import Driven, State
 from .rod import Lumped, Rod
-from .system import System
+from .system import System, check_state, check_system
 
 _ORDER = 24  # nodes for each panel
 
@@ -23,12 +23,14 @@ _ORDER = 24  # nodes for each panel
 def richer(system: System) -> type[AbstractBasis]:
     """The family of shapes that converges fastest: load-dependent ones, but where a force may act at the tip those that hold
     a force there, as load-dependent ones have no tension at a free tip."""
+    check_system(system)
     along = all(isinstance(force, Torque | PivotFriction | KelvinVoigt | ShakenBase) for force in system.forces)
     return LoadRitz if along else ForceRitz
 
 
 def condensable(system: System) -> bool:
     """Whether a `QuasiStatic` rung takes the scene: Hooke's law, and a motion that is not prescribed."""
+    check_system(system)
     return isinstance(system.rod, Rod) and system.rod.linear and not isinstance(system.motion, Driven)
 
 
@@ -37,14 +39,25 @@ def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System,
 
     **Raises:** `ValueError` for a `Lumped` body, whose strain is uniform and which has no rod to take other shapes of.
     """
+    check_system(system)
+    check_state(system, start, "start")
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has no shapes of strain but its own; give a Rod to compare rungs.")
+    if not isinstance(basis, AbstractBasis):
+        raise ValueError(f"basis={checks.given(basis)} is not a basis; give an instance such as Ritz(3).")
     if basis.n == 0 or system.basis.n == 0:
         amplitudes = rates = jnp.zeros(basis.n, start.direction.dtype)
     else:
         amplitudes, rates = _projected(system, basis, (start.amplitudes, start.amplitude_rates))
     start = dataclasses.replace(start, amplitudes=amplitudes, amplitude_rates=rates)
-    return dataclasses.replace(system, basis=basis), start
+    return rung(system, basis), start
+
+
+def rung(system: System, basis: AbstractBasis) -> System:
+    """The scene with another basis; without the `KelvinVoigt` viscosity where the strain has no rate."""
+    still = basis.n == 0 or isinstance(basis, QuasiStatic)
+    forces = tuple(force for force in system.forces if not (still and isinstance(force, KelvinVoigt)))
+    return dataclasses.replace(system, basis=basis, forces=forces)
 
 
 @eqx.filter_jit
@@ -69,6 +82,8 @@ def at_rest(system: System, start: State, t0: Any = 0.0) -> State:
 
     **Raises:** `ValueError` for another strain law than Hooke's.
     """
+    check_system(system)
+    check_state(system, start, "start")
     if system.basis.n == 0:
         return start
     if isinstance(system.rod, Rod) and not system.rod.linear:

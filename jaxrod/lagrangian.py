@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import checks
+from . import calling, checks
 from .signal import on_clock
 
 _UNROLLED = 6
@@ -43,6 +43,11 @@ class Lagrangian(eqx.Module):
     solve: Callable[..., Float[Array, " N"]] | None
 
     def __init__(self, function, force=None, solve=None):
+        for name, value in (("function", function), ("force", force), ("solve", solve)):
+            if not callable(value) and not (value is None and name != "function"):
+                raise ValueError(
+                    f"Lagrangian({name}={checks.given(value)}) is not a function; give one, such as lambda t, q, v: v @ v / 2."
+                )
         self.function = checks.carried(function)
         self.force = None if force is None else checks.carried(force)
         self.solve = None if solve is None else checks.carried(solve)
@@ -52,16 +57,43 @@ class Lagrangian(eqx.Module):
         parts = [None if f is None else _Delayed(f, t0) for f in (self.function, self.force, self.solve)]
         return Lagrangian(*parts)
 
+    def check(self, t, q, v) -> None:
+        """Refuse, by `ValueError`, coordinates that are not alike, and functions that fail for them.
+
+        Nothing is computed.
+        """
+        q, v = checks.reals("q", q), checks.reals("v", v)
+        if q.shape != v.shape or q.ndim != 1 or q.size == 0:
+            raise ValueError(
+                f"q has shape {q.shape} and v has shape {v.shape}; give (N,) coordinates and as many velocities, N at least 1."
+            )
+        calling.tried(
+            "Lagrangian(function=)", "(t, q, v) -> energy in J, one number", self.function, t, q, v, shapes=[()]
+        )
+        if self.force is not None:
+            calling.tried(
+                "Lagrangian(force=)", "(t, q, v) -> generalized forces (N,)", self.force, t, q, v, shapes=[q.shape]
+            )
+        if self.solve is not None:
+            calling.tried("Lagrangian(solve=)", "(t, q, b) -> M^-1 b, (N,)", self.solve, t, q, v, shapes=[q.shape])
+
+    def _check_known(self, t, q, v):
+        if checks.known(q) and checks.known(v):
+            self.check(t, q, v)
+
     def momentum(self, t, q, v) -> Float[Array, " N"]:
         """p = dL/dv."""
+        self._check_known(t, q, v)
         return jax.grad(self.function, argnums=2)(t, q, v)
 
     def mass_matrix(self, t, q, v) -> Float[Array, "N N"]:
         """M = d^2 L / dv^2."""
+        self._check_known(t, q, v)
         return jax.jacfwd(self.momentum, argnums=2)(t, q, v)
 
     def acceleration(self, t, q, v) -> Float[Array, " N"]:
         """v' from Lagrange's equations."""
+        self._check_known(t, q, v)
         push = jax.grad(self.function, argnums=1)(t, q, v)
         if self.force is not None:
             push = push + self.force(t, q, v)
@@ -73,6 +105,7 @@ class Lagrangian(eqx.Module):
 
     def energy(self, t, q, v) -> Float[Array, ""]:
         """H = p v - L, in J."""
+        self._check_known(t, q, v)
         return self.momentum(t, q, v) @ v - self.function(t, q, v)
 
 

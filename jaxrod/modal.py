@@ -15,7 +15,7 @@ from .motion import State
 from .projection import Projection
 from .rod import Rod
 from .stiffening import warn_of_forces
-from .system import System
+from .system import System, check_state, check_system
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning
 
@@ -37,6 +37,7 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     >>> print(jaxrod.natural_frequencies(jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))).round(3))
     [ 19.239  68.213 158.859]
     """
+    check_system(system)
     warn_of_forces("natural_frequencies", system)
     return _looked_at(system)
 
@@ -80,9 +81,12 @@ def frequency_error(system: System) -> Float[Array, " n"]:
     >>> print(jaxrod.frequency_error(jaxrod.System(uniform, jaxrod.Rotation())).round(2))
     [10.27]
     """
+    check_system(system)
     warn_of_forces("frequency_error", system)
     bare = dataclasses.replace(system, forces=())
     frequencies = _looked_at(bare)
+    if frequencies.size == 0:
+        return frequencies
     return _percent_above(frequencies, continuum.natural_frequencies(bare, frequencies.shape[0]))
 
 
@@ -104,6 +108,7 @@ def critical_rate(system: System) -> Float[Array, ""]:
     >>> print(jaxrod.critical_rate(jaxrod.System(rod, jaxrod.Rotation())).round(2))
     158.11
     """
+    check_system(system)
     if system.basis.n == 0:
         raise ValueError("basis=Ritz(0) is rigid and holds at any rate; take Ritz(1) or more.")
     if isinstance(system.rod, Rod) and not system.rod.linear:
@@ -157,7 +162,9 @@ def modes(system: System, about: State | None = None) -> Modes:
          0.610341             0   1.000    0.000
           25.1646             0   0.000    1.000
     """
+    check_system(system)
     about = statics.equilibrium(system) if about is None else about
+    check_state(system, about, "about")
     frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
     if checks.fails(lambda x: x < 100 * statics.unbalanced_at_most(x.dtype), unbalanced):
         raise ValueError(

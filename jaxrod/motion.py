@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import checks
+from . import calling, checks
 from .signal import beyond, kinked, on_clock, signals, twice
 
 
@@ -92,8 +92,9 @@ class Driven(AbstractPivoted):
     def __init__(self, angle, pivot=0.0):
         if not callable(angle):
             raise ValueError(
-                f"Driven(angle={angle!r}) is not a function of time; give one, such as lambda t: 15.0 * t."
+                f"Driven(angle={checks.given(angle)}) is not a function of time; give one, such as lambda t: 15.0 * t."
             )
+        calling.tried("Driven(angle=)", "t (s) -> angle in rad", angle, calling.like(), shapes=[()])
         self.angle = checks.carried(angle)
         self.pivot = _inside(pivot)
 
@@ -235,17 +236,36 @@ def _horizontal(direction: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*bat
 
 def _inside(pivot):
     """A pivot, or None if it is known to be the root: then the rod is one piece."""
-    if pivot is None or (checks.known(pivot) and np.ndim(pivot) == 0 and pivot == 0):
+    if pivot is None:
         return None
-    return checks.not_negative("pivot", pivot, "metres from the root")
+    place = checks.not_negative("pivot", pivot, "metres from the root")
+    return place if checks.fails(lambda s: s == 0, place) or not checks.known(place) else None
 
 
 def check_start(motion: AbstractMotion, n: int, start: State) -> None:
-    """**Raises:** `ValueError` for a start with other shapes than a scene with this motion and n strain shapes has."""
+    """**Raises:** `ValueError` for a start that `check_shapes` refuses, and for a director that is known not to be one."""
+    check_shapes(motion, n, start, "start")
+    d, rate = start.direction, start.direction_rate
+    close = 1e-6 if d.dtype == np.float64 else 1e-3
+    if checks.fails(lambda d: ~(np.abs(np.sum(d**2) - 1) > close), d):  # what is not finite is told by the run
+        raise ValueError(
+            f"start has direction={checks.shown(d)}, which is not of unit length; make it by system.state(angle=...)."
+        )
+    if checks.fails(lambda d, rate: ~(np.abs(d @ rate) > close * (1 + np.abs(rate).sum())), d, rate):
+        raise ValueError(
+            f"start has direction_rate={checks.shown(rate)}, which is not across direction={checks.shown(d)}; make it by "
+            "system.state(angle=..., rate=...)."
+        )
+
+
+def check_shapes(motion: AbstractMotion, n: int, start: Any, name: str) -> None:
+    """**Raises:** `ValueError` for a state with other shapes than a scene with this motion and n strain shapes has."""
+    if not isinstance(start, State) or not all(x is None or hasattr(x, "shape") for x in vars(start).values()):
+        raise ValueError(f"{name}={checks.given(start)} is not a state; make it by system.state(angle=..., rate=...).")
     dimension, flight = motion.dimension, isinstance(motion, Flight)
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(
-            f"start has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "
+            f"{name} has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "
             f"scene needs ({dimension},) and ({n},){' and a center' if flight else ''}; make it by system.state(...), and "
             "map over many with jax.vmap."
         )

@@ -17,7 +17,7 @@ from .rod import Lumped, Rod
 from .section import Cone
 from .simulation import simulate
 from .solution import Solution
-from .system import System
+from .system import System, check_system
 
 # Figure 2: a rubber rod turning about a horizontal axis through its thin end.  psi(0) and eps(0) are not printed; 0 is
 # the natural reading.
@@ -55,6 +55,7 @@ def corrected(gravity: float = GRAVITY) -> System:
 
 def figure_2(system: System) -> Solution:
     """The motion of Figure 2, 10 s at 2 kHz."""
+    check_system(system)
     ts = jnp.linspace(0.0, DURATION, SAMPLES)
     return simulate(system, system.state(angle=0.0, rate=SPIN), ts=ts)
 

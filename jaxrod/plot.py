@@ -8,8 +8,10 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
+from . import checks
 from .choice import named
 from .load_basis import LoadRitz
+from .motion import State
 from .solution import Solution
 from .tradeoff import RUNGS, Tradeoff
 
@@ -21,6 +23,13 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, Any], until: flo
 
     `slow` holds the slow bands of rate and strain (T,), drawn over the signals; `until` is the end of the axis in s.
     """
+    _check_mapping("solutions", solutions, "solutions of a System by their titles")
+    _check_mapping("slow", slow, "the slow bands of rate and strain by the same titles")
+    if not all(isinstance(x, Solution) and isinstance(x.states, State) for x in solutions.values()):
+        raise ValueError(f"solutions={checks.given(solutions)} holds something else; give solutions of a System.")
+    if set(slow) != set(solutions):
+        raise ValueError(f"slow has titles {list(slow)} and solutions has {list(solutions)}; give the same.")
+    until = float(checks.positive("until", until, "seconds"))
     figure, axes = _columns(len(solutions), 2, height=5.0, bottom=0.5, top=0.65, sharex=True, sharey="row")
     for column, (name, solution) in zip(axes.T, solutions.items(), strict=True):
         shown = np.asarray(solution.ts) <= until
@@ -53,6 +62,13 @@ def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) 
 
     `tau` is time over the travel time of a wave along the rod; displacements are over the initial one.
     """
+    _check_mapping("tips", tips, "pairs (exact, model) of displacements by their titles")
+    tau = np.asarray(checks.numbers("tau", tau, "times over the travel time"))
+    for name, pair in tips.items():
+        if not (isinstance(pair, tuple | list) and len(pair) == 2 and all(np.shape(x) == tau.shape for x in pair)):
+            raise ValueError(
+                f"tips[{name!r}] does not fit; give a pair (exact, model), each of shape {tau.shape} like tau."
+            )
     figure, axes = _columns(len(tips), 1, height=3.0, bottom=0.5, top=0.3, sharey=True)
     for axis, (name, (exact, model)) in zip(axes[0], tips.items(), strict=True):
         axis.plot(tau, exact, color=_BLUE, linewidth=1.4, label="exact rod")
@@ -66,6 +82,11 @@ def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) 
     return figure
 
 
+def _check_mapping(name: str, value: Any, wanted: str) -> None:
+    if not isinstance(value, Mapping) or not value:
+        raise ValueError(f"{name}={checks.given(value)} is not a mapping; give a dict of {wanted}.")
+
+
 def _columns(columns: int, rows: int, height: float, bottom: float, top: float, **shared: Any) -> tuple[Figure, Any]:
     """A figure and its axes, with margins in inches: a layout that is searched for draws everything twice."""
     width = 5.2 * columns
@@ -76,6 +97,10 @@ def _columns(columns: int, rows: int, height: float, bottom: float, top: float, 
 
 def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     """Error against cost of every way that was measured, a colour for each rung; pale what another beats in both."""
+    if not isinstance(found, Tradeoff):
+        raise ValueError(f"found={checks.given(found)} is not a trade-off; give what jaxrod.tradeoff returned.")
+    if not isinstance(title, str):
+        raise ValueError(f"title={checks.given(title)} is not text; give a string.")
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axis = figure.subplots()
     # Of one colour in every picture; paler the one that is tried beside it where a force acts at the tip.

@@ -6,9 +6,10 @@ from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks, continuum
+from . import calling, checks, continuum
 from .modal import natural_frequencies
 from .rod import Rod
 from .system import System
@@ -74,6 +75,10 @@ class LargestStrain(AbstractQuantity):
     unit: ClassVar[str] = ""
     at: Any = None
 
+    def __check_init__(self):
+        if self.at is not None:
+            checks.number("at", self.at)
+
     def __call__(self, solution):
         if self.at is None:
             return jnp.max(jnp.abs(solution.strain), axis=-1)
@@ -131,14 +136,19 @@ class Measured(AbstractQuantity):
     name: str = eqx.field(static=True)
 
     def __init__(self, function: Callable[[Any], Any], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"):
+        if isinstance(function, type) or not callable(function):
+            raise ValueError(f"Measured(function={checks.given(function)}) is not a function; give one of a solution.")
+        for said, value in (("unit", unit), ("name", name)):
+            if not isinstance(value, str):
+                raise ValueError(f"Measured({said}={checks.given(value)}) is not text; give a string such as 'm'.")
+        if checks.fails(lambda largest: largest > 0, checks.reals("Measured(largest=)", largest)) or np.ndim(largest):
+            raise ValueError(
+                f"Measured(largest={checks.given(largest)}) must be one positive number; inf where there is none."
+            )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
     def __call__(self, solution):
-        found = self.function(solution)
-        if isinstance(found, list | tuple | dict):
-            raise ValueError(f"{self.name}: its function returns a {type(found).__name__}; return one array.")
-        found = jnp.asarray(found)
-        return found if jnp.issubdtype(found.dtype, jnp.inexact) else found.astype(solution.ts.dtype)
+        return calling.answer(self.name, "of a solution -> one array", self.function, solution)
 
     def span(self, system):
         return jnp.asarray(self.largest)
@@ -154,7 +164,7 @@ def as_quantity(given: AbstractQuantity | Callable[[Any], Any] | None) -> Abstra
     if isinstance(given, AbstractQuantity):
         return given
     if isinstance(given, type) or not callable(given):
-        shown = given.__name__ if isinstance(given, type) else repr(given)
+        shown = given.__name__ if isinstance(given, type) else checks.given(given)
         raise ValueError(
             f"quantity {shown} cannot be asked for; give one, such as FinalTip(), or a function of a solution."
         )

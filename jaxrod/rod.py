@@ -14,13 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import checks
+from . import calling, checks
 from .law import hooke
 from .looking import check_positive, look_along, stands
 from .places import deciding
 from .quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
-from .section import AbstractSection, Profile, profile
+from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
 
 _FASTEST_SOLID = 2.0e4  # m/s: sound in diamond is about 18 km/s
 
@@ -63,21 +63,41 @@ class Rod(eqx.Module):
         self.density = profile("density", density, "kg/m^3")
         self.tip_mass = None if tip_mass is None else checks.not_negative("tip_mass", tip_mass, "kg, or None")
         if tip_inertia is not None and tip_mass is None:
-            raise ValueError(f"tip_inertia={tip_inertia!r} belongs to a body at the tip; give tip_mass= too.")
+            raise ValueError(
+                f"tip_inertia={checks.given(tip_inertia)} belongs to a body at the tip; give tip_mass= too."
+            )
         self.tip_inertia = (
             None if tip_inertia is None else checks.not_negative("tip_inertia", tip_inertia, "kg m^2, or None")
         )
         if not callable(law):
-            raise ValueError(f"law={law!r} is not a strain law; give a function of strain such as jaxrod.law.green.")
+            raise ValueError(
+                f"law={checks.given(law)} is not a strain law; give a function of strain such as jaxrod.law.green."
+            )
         self.law = checks.carried(law)
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
         self.resolution = Resolution()
+        self._check_functions()
         self._check_breaks()
         self.resolution = look_along(self, length)
         self._check_profiles()
+        self._check_size()
         self._check_law()
+
+    def _check_functions(self):
+        s, shapes = calling.like(3), [(3,), (1,), ()]
+        for name, value, unit in (
+            ("section", self.section, "m^2"),
+            ("young", self.young, "Pa"),
+            ("density", self.density, "kg/m^3"),
+        ):
+            if isinstance(value, Profile):
+                calling.tried(f"{name}=", f"of an array s (m) -> {unit}", value.function, s, shapes=shapes)
+            elif isinstance(value, AbstractSection) and not isinstance(value, Uniform | Cone | Table):
+                calling.tried(
+                    f"{name}=", "area of arrays s, length (m) -> m^2", value.area, s, self.length, shapes=shapes
+                )
 
     def _check_breaks(self):
         outside = [s for s in self.breaks if checks.fails(lambda length, s=s: 0 < s < length, self.length)]
@@ -102,6 +122,22 @@ class Rod(eqx.Module):
                 stacklevel=3,
             )
 
+    def _check_size(self):
+        """What squares, or the numbers' type, would lose."""
+        _, *profiles, _ = _profiles(self)
+        if not all(map(checks.known, (self.length, *profiles))):
+            return
+        length = np.float64(self.length)
+        area, modulus, density = (np.max(np.asarray(x, float)) for x in profiles)
+        limits = np.finfo(self.length.dtype)
+        with np.errstate(all="ignore"):
+            inertia, stiffness = density * area * length**3, modulus * area * length
+        if not all(limits.tiny < x < limits.max for x in (inertia, stiffness)):
+            raise ValueError(
+                f"length={length:.3g} m with areas up to {area:.3g} m^2 has an inertia or stiffness beyond {limits.dtype}; give "
+                "both in metres."
+            )
+
     def _check_law(self):
         if self.linear:
             return
@@ -110,8 +146,8 @@ class Rod(eqx.Module):
             return jax.jvp(self.law, (strain,), (jnp.ones_like(strain),))
 
         rest = jnp.zeros(2)
-        if jax.eval_shape(self.law, rest).shape != (2,):
-            raise ValueError(f"law={self.law_name} must give one energy for each strain of an array.")
+        wanted = "of an array of strains -> one energy over Young's modulus for each"
+        calling.tried(f"law={self.law_name}", wanted, self.law, rest, shapes=[rest.shape])
         (energy, stress), (_, stiffness) = jax.jvp(slope, (rest,), (jnp.ones_like(rest),))
         for name, value, wanted in (("W", energy, 0.0), ("W'", stress, 0.0), ("W''", stiffness, 1.0)):
             if checks.fails(lambda x, wanted=wanted: np.abs(x - wanted) < 1e-3, value):
@@ -174,14 +210,16 @@ class Rod(eqx.Module):
 
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
-        return self.section.area(s, self.length)
+        return self.section.area(checks.reals("s", s), self.length)
 
     def modulus(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Young's modulus in Pa at s (m)."""
+        s = checks.reals("s", s)
         return self.young(s) if isinstance(self.young, Profile) else jnp.broadcast_to(self.young, jnp.shape(s))
 
     def mass_density(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Density in kg/m^3 at s (m)."""
+        s = checks.reals("s", s)
         return self.density(s) if isinstance(self.density, Profile) else jnp.broadcast_to(self.density, jnp.shape(s))
 
     def panels(self, order: int = ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
@@ -280,10 +318,12 @@ class Rod(eqx.Module):
 
     def first_moment(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about) ds in kg m, with the body at the tip."""
+        about = checks.number("about", about)
         return self._mass_moment(lambda s: s - about)
 
     def moment_of_inertia(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about)^2 ds in kg m^2, with the body at the tip: (16) for the cone about its root."""
+        about = checks.number("about", about)
         inertia = self._mass_moment(lambda s: (s - about) ** 2)
         return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from . import calling, checks
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _STEEPEST = 1e4  # ratio of radii beyond which a cone counts as pointed
@@ -212,7 +212,9 @@ class Profile(AbstractSection):
 
     def __init__(self, function, breaks=()):
         if not callable(function):
-            raise ValueError(f"section={function!r} is not a section; give Uniform, Cone, Table or a function of s.")
+            raise ValueError(
+                f"section={checks.given(function)} is not a section; give Uniform, Cone, Table or a function of s."
+            )
         self.function = checks.carried(function)
         self.breaks = _increasing(breaks)
 
@@ -221,7 +223,7 @@ class Profile(AbstractSection):
         return not (isinstance(self.function, Steps) and set(self.function.breaks) <= set(self.breaks))
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
-        return jnp.broadcast_to(jnp.asarray(self.function(s)), jnp.shape(s))
+        return jnp.broadcast_to(calling.real(self.function(s)), jnp.shape(s))
 
     def area(self, s, length):
         del length
@@ -239,9 +241,13 @@ def profile(name: str, value: Any, unit: str) -> Any:
 
 def _increasing(breaks) -> tuple[float, ...]:
     try:
+        if isinstance(breaks, str | dict | set):
+            raise TypeError
         breaks = tuple(float(s) for s in breaks)
     except (TypeError, ValueError):  # a tracer, too: how many pieces there are must be known
-        raise ValueError(f"breaks={breaks!r} must be a sequence of numbers in m, known and not traced.") from None
+        raise ValueError(
+            f"breaks={checks.given(breaks)} must be a sequence of numbers in m, known and not traced."
+        ) from None
     if not np.all(np.isfinite(breaks)):
         raise ValueError(f"breaks={breaks} must be finite numbers in m.")
     if list(breaks) != sorted(set(breaks)):

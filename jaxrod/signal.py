@@ -80,7 +80,8 @@ class Record(AbstractSignal):
             raise ValueError(
                 f"Record(times=) must increase, but times[{first}]={times[first]:.9g} is followed by {times[first + 1]:.9g}."
             )
-        shape = np.shape(samples)
+        samples = checks.reals("Record(samples=)", samples)
+        shape = samples.shape
         if len(shape) not in (1, 2) or shape[0] != times.size:
             raise ValueError(
                 f"Record(samples=) has shape {shape} for {times.size} times; give one number, or one row, for each."
@@ -125,7 +126,7 @@ class Impulse(AbstractSignal):
     width: Float[Array, ""]
 
     def __init__(self, total, start, width):
-        self.total = checks.number("Impulse(total=)", total, np.shape(total))
+        self.total = checks.number("Impulse(total=)", total, checks.reals("Impulse(total=)", total).shape[:1])
         self.start = checks.number("Impulse(start=)", start)
         self.width = checks.positive("Impulse(width=)", width, "seconds")
 

@@ -113,18 +113,30 @@ def simulate(
     else:
         start = Phase(*(jnp.asarray(x, dtype) for x in start))
 
+    arguments.check_run(start, saveat, event, progress_meter, stepsize_controller, throw)
     asked_times = {"t0": t0, "t1": t1} if ts is None else {"t0": t0, "ts": ts}
     times = arguments.times(ts, t1, t0, saveat, dtype, by_the_clock=stepsize_controller is not None)
     if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint | Reversible):
-        raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
-    if not (isinstance(max_steps, int) and max_steps > 0):
-        raise ValueError(f"max_steps={max_steps!r} must be a positive whole number.")
+        raise ValueError(
+            f"adjoint={checks.given(adjoint)} is no adjoint; give an instance, such as diffrax.ForwardMode()."
+        )
+    max_steps = checks.count("max_steps", max_steps, 1, "steps")
     step_keywords = {"solver": solver, "stepsize_controller": stepsize_controller, "dt0": dt0, "n_steps": n_steps}
     given = [name for name, value in step_keywords.items() if value is not None]
     if tolerance is not None and given:
-        raise ValueError(f"tolerance={tolerance} chooses solver and steps itself; leave out {', '.join(given)}.")
+        raise ValueError(
+            f"tolerance={checks.brief(tolerance)} chooses solver and steps itself; leave out {', '.join(given)}."
+        )
     asked = arguments.checked_tolerance(tolerance, dtype)
     several = isinstance(budget, list | tuple)
+    if several and (not budget or any(each is None for each in budget)):
+        raise ValueError(
+            f"budget={checks.given(budget)} asks for nothing; give a quantity, such as FinalTip(), or leave it out."
+        )
+    if budget is not None and isinstance(system, Lagrangian):
+        raise ValueError(
+            f"budget={checks.given(budget)} is of a System; of any Lagrangian compare runs of two tolerances."
+        )
     quantities = [as_quantity(each) for each in (budget if several else [budget])]
 
     # Equal steps from save time to save time need nothing of Diffrax; what does goes through Diffrax.
@@ -175,10 +187,9 @@ def simulate(
     if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     if budget is not None:
-        if not isinstance(system, System) or not isinstance(start, State):
-            raise ValueError(f"budget={budget!r} is of a System; of any Lagrangian compare runs of two tolerances.")
+        assert isinstance(system, System) and isinstance(start, State)
         if not isinstance(solution.states, State):
-            raise ValueError(f"budget={budget!r} asks whole states; leave out fn= of saveat=.")
+            raise ValueError(f"budget={checks.given(budget)} asks whole states; leave out fn= of saveat=.")
 
         same = {"event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
         alike = {"tolerance": tolerance, "chart": chart, **step_keywords}

@@ -51,57 +51,57 @@ class Solution(eqx.Module):
     @property
     def angle(self) -> Float[Array, "*scenes T"]:
         """Angle above the horizontal in rad; in the plane counted over all turns."""
-        return self.states.angle
+        return self._state.angle
 
     @property
     def rate(self) -> Float[Array, "*scenes T"]:
         """Rate of `angle` in rad/s."""
-        return self.states.rate
+        return self._state.rate
 
     @property
     def azimuth(self) -> Float[Array, "*scenes T"]:
         """Angle about the vertical in rad, counted over all turns; in space only."""
-        return self.states.azimuth
+        return self._state.azimuth
 
     @property
     def azimuth_rate(self) -> Float[Array, "*scenes T"]:
         """Rate of `azimuth` in rad/s; in space only."""
-        return self.states.azimuth_rate
+        return self._state.azimuth_rate
 
     @property
     def director(self) -> Float[Array, "*scenes T D"]:
         """Unit vector along the rod."""
-        return self.states.direction
+        return self._state.direction
 
     @property
     def strain(self) -> Float[Array, "*scenes T"]:
         """Elongation over length."""
-        return self.states.strain
+        return self._state.strain
 
     @property
     def strain_rate(self) -> Float[Array, "*scenes T"]:
         """Rate of `strain` in 1/s."""
-        return self.states.strain_rate
+        return self._state.strain_rate
 
     @property
     def center(self) -> Float[Array, "*scenes T D"] | None:
         """Centre of mass in m, in flight; else None."""
-        return self.states.center
+        return self._state.center
 
     @property
     def tip(self) -> Float[Array, "*scenes T D"]:
         """Position of the tip in m."""
-        return self._each(_tip)
+        return self._each(_tip, self._state)
 
     @property
     def energy(self) -> Float[Array, "*scenes T"]:
         """T + V in J."""
-        return self._each(_energy)
+        return self._each(_energy, self.states if isinstance(self.system, Lagrangian) else self._state)
 
     @property
     def angular_momentum(self) -> Float[Array, "*scenes T"] | Float[Array, "*scenes T 3"]:
         """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s."""
-        return self._each(_angular_momentum)
+        return self._each(_angular_momentum, self._state)
 
     @property
     def ledger(self) -> Ledger:
@@ -117,14 +117,25 @@ class Solution(eqx.Module):
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
-        return self._each(jax.tree_util.Partial(_shape, jnp.asarray(s)))
+        states = self._state
+        return self._each(jax.tree_util.Partial(_shape, checks.along("s", s, self.system.rod.length)), states)
 
     def strain_field(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points"]:
         """Strain at the material points s (m)."""
-        return self._each(jax.tree_util.Partial(_strain_field, jnp.asarray(s)))
+        states = self._state
+        return self._each(jax.tree_util.Partial(_strain_field, checks.along("s", s, self.system.rod.length)), states)
 
-    def _each(self, quantity: Callable) -> Array:
-        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, self.states)
+    @property
+    def _state(self) -> State:
+        if not isinstance(self.states, State):
+            raise AttributeError(
+                "this solution holds no states of a System; ask for sol.states, which is (q, v) of a Lagrangian, or what the "
+                "fn= of saveat= returned."
+            )
+        return self.states
+
+    def _each(self, quantity: Callable, states: Any) -> Array:
+        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states)
 
     def complaint(self) -> str:
         """One sentence on how a run ended that did not reach its end."""

@@ -23,10 +23,14 @@ def started(
     ):
         if value is not None and needed:
             kind = type(system.motion).__name__
-            raise ValueError(f"{name}={value!r} has no meaning for {kind}(); leave it out or take motion={needed}.")
+            raise ValueError(
+                f"{name}={checks.given(value)} has no meaning for {kind}(); leave it out or take motion={needed}."
+            )
     if isinstance(system.motion, Driven):
         if any(checks.fails(lambda x: x == 0, checks.number("angle, rate", x)) for x in (angle, rate)):
-            raise ValueError(f"angle={angle!r}, rate={rate!r}: Driven() prescribes the rotation; leave them out.")
+            raise ValueError(
+                f"angle={checks.brief(angle)}, rate={checks.brief(rate)}: Driven() prescribes the rotation; leave them out."
+            )
         angle, rate, _ = system.motion.turning(0.0)
     numbers = {"angle": angle, "rate": rate}
     if space:

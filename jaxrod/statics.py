@@ -14,7 +14,7 @@ from .basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
 from .linear_algebra import one_by_one, pinv
 from .motion import Driven, Flight, State
-from .system import System
+from .system import System, check_system
 
 
 def unbalanced_at_most(dtype) -> float:
@@ -45,8 +45,11 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     >>> print(f"{cone.angle:.4f} rad, {cone.strain:.4f}")
     -0.3575 rad, 0.1682
     """
+    check_system(system)
     if spin is not None and momentum is not None:
-        raise ValueError(f"spin={spin} and momentum={momentum} are both given; leave one out.")
+        raise ValueError(
+            f"spin={checks.brief(spin)} and momentum={checks.brief(momentum)} are both given; leave one out."
+        )
     if isinstance(system.motion, Driven) and not (angle is None and spin is None and momentum is None):
         raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
     if isinstance(system.motion, Driven):

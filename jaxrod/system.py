@@ -17,7 +17,7 @@ from .fitting import check_parts
 from .flat import Flat
 from .force import AbstractForce
 from .lagrangian import Lagrangian
-from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
+from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
 from .prescribed import Prescribed
 from .projection import Projection
 from .rod import Lumped, Rod
@@ -59,9 +59,11 @@ class System(eqx.Module):
         self.basis = Ritz(1) if basis is None else basis
         self.gravity = None if gravity is None else _gravity(gravity, motion)
         if not isinstance(forces, tuple | list):
-            raise ValueError(f"forces={forces!r} is not a sequence of forces; give a tuple such as (Torque(1.0),).")
+            raise ValueError(
+                f"forces={checks.given(forces)} is not a sequence of forces; give a tuple such as (Torque(1.0),)."
+            )
         self.forces = tuple(forces)
-        check_parts(rod, motion, self.basis, self.forces)
+        check_parts(rod, motion, self.basis, self.forces, lambda: self.body)
 
     # ---- the rod as the basis sees it
 
@@ -128,6 +130,7 @@ class System(eqx.Module):
 
     def kinetic_energy(self, state: State) -> Float[Array, ""]:
         """Kinetic energy T of one state."""
+        check_state(self, state)
         body = self.body
         turning = energy.kinetic_director(body, state.amplitudes, state.amplitude_rates, state.direction_rate)
         if state.center_velocity is None:
@@ -136,10 +139,12 @@ class System(eqx.Module):
 
     def elastic_energy(self, state: State) -> Float[Array, ""]:
         """Strain energy of one state."""
+        check_state(self, state)
         return energy.elastic(self.body, state.amplitudes)
 
     def gravity_energy(self, state: State) -> Float[Array, ""]:
         """Energy of weight of one state: zero at the pivot, in flight at the origin."""
+        check_state(self, state)
         if self.gravity is None:
             return jnp.zeros_like(state.turns)
         return self._scene.weight(Placement(state.direction, state.amplitudes, state.center))
@@ -150,6 +155,7 @@ class System(eqx.Module):
 
     def power(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
         """Power in W of the forces, and of the drive where there is one: the rate at which `energy` grows."""
+        check_state(self, state)
         rate = Placement(state.direction_rate, state.amplitude_rates, state.center_velocity)
         power = self._scene.power(t, state, rate)
         return power + self.drive_torque(t, state) * state.rate if isinstance(self.motion, Driven) else power
@@ -159,6 +165,7 @@ class System(eqx.Module):
 
         **Raises:** `ValueError` for other motions.
         """
+        check_state(self, state)
         if not isinstance(self.motion, Driven):
             raise ValueError(f"motion={type(self.motion).__name__}() has no drive; take Driven(angle).")
         scene, (_, rate, acceleration) = self._scene, self.motion.turning(t)
@@ -174,6 +181,7 @@ class System(eqx.Module):
 
     def angular_momentum(self, state: State) -> Float[Array, ""] | Float[Array, " 3"]:
         """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s: in space a vector."""
+        check_state(self, state)
         inertia = self.body.inertia(state.amplitudes)
         if state.planar:
             return inertia * state.rate
@@ -181,21 +189,26 @@ class System(eqx.Module):
 
     def shape(self, state: State, s: Float[Array, " points"]) -> Float[Array, "points D"]:
         """Positions in m of the material points s (m): from the pivot, in flight from the origin."""
-        phi = self.basis.shapes(self.rod, jnp.asarray(s), self._pivot, self._free)
+        check_state(self, state)
+        s = checks.along("s", s, self.rod.length)
+        phi = self.basis.shapes(self.rod, s, self._pivot, self._free)
         along = phi[0] + state.amplitudes @ phi[1:]
         points = along[:, None] * state.direction[None, :]
         return points if state.center is None else points + state.center[None, :]
 
     def tip(self, state: State) -> Float[Array, " D"]:
         """Position of the tip in m."""
+        check_state(self, state)
         tip = self.body.reach(state.amplitudes) * state.direction
         return tip if state.center is None else tip + state.center
 
     def strain_field(self, state: State, s: Float[Array, " points"]) -> Float[Array, " points"]:
         """Strain at the material points s (m)."""
+        check_state(self, state)
+        s = checks.along("s", s, self.rod.length)
         if isinstance(self.rod, Lumped):
-            return jnp.broadcast_to(state.strain, jnp.shape(s))
-        return state.amplitudes @ self.basis.strains(self.rod, jnp.asarray(s), self._pivot, self._free)
+            return jnp.broadcast_to(state.strain, s.shape)
+        return state.amplitudes @ self.basis.strains(self.rod, s, self._pivot, self._free)
 
     # ---- time
 
@@ -225,10 +238,12 @@ class System(eqx.Module):
 
     def check_chart(self, chart: AbstractChart) -> None:
         """Refuse, by `ValueError`, coordinates that this scene does not have."""
+        if not isinstance(chart, AbstractChart):
+            raise ValueError(f"chart={checks.given(chart)} is not a chart; give one, such as Angles() or Director().")
         if isinstance(chart, Strains) != isinstance(self.motion, Driven):
             raise ValueError(
-                f"chart={chart!r} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take Strains() "
-                "for Driven() and another for the rest."
+                f"chart={checks.given(chart)} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take "
+                "Strains() for Driven() and another for the rest."
             )
         if isinstance(chart, Embedded) and not self.flat:
             raise ValueError(
@@ -295,6 +310,17 @@ class System(eqx.Module):
         if isinstance(equations, Condensed):
             raise ValueError(f"basis={self.basis!r} has no Lagrangian of its own; ask for equations(chart).")
         return equations.lagrangian
+
+
+def check_system(system: Any) -> None:
+    """Refuse, by `ValueError`, what is not a `System`."""
+    if not isinstance(system, System):
+        raise ValueError(f"system={checks.given(system)} is no scene; give a System(rod, motion, basis).")
+
+
+def check_state(system: System, state: Any, name: str = "state") -> None:
+    """Refuse, by `ValueError`, what is not one state of this scene."""
+    check_shapes(system.motion, system.basis.n, state, name)
 
 
 @eqx.filter_jit  # asked for in many places of a program, it is traced once for all of them

@@ -1,6 +1,5 @@
 """Speed for accuracy, measured on the scene at hand: rungs, solvers, steps and float types, each with its error and cost."""
 
-import dataclasses
 import time
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -12,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from . import arguments
+from . import arguments, checks
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .checks import in_type
 from .choice import named
 from .defaults import by_equal_steps, solvers
-from .ladder import brought, condensable, richer
+from .ladder import brought, condensable, richer, rung
 from .load_basis import LoadRitz
 from .motion import State
 from .quantity import as_quantity
@@ -134,11 +133,11 @@ def tradeoff(
     >>> print(found.reference, len(found.front) > 0)
     the exact rod True
     """
-    if not isinstance(seconds, int | float) or not seconds > 0:
-        raise ValueError(f"seconds={seconds!r} is no time to measure in; give a positive number of seconds.")
+    seconds = float(checks.positive("seconds", seconds, "seconds of computing"))
     arguments.check_known(system, start, "measure one like it by itself", static)
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
+    checks.optional_switch("progress", progress)
     quantity = as_quantity(quantity)
     t0, t1 = arguments.interval(t1, t0)
     ts, begun = quantity.times(t0, t1), time.perf_counter()
@@ -150,12 +149,12 @@ def tradeoff(
     for way in tqdm(ways, unit=" ways", disable=None if progress is None else not progress):
         if rows and time.perf_counter() - begun > seconds:
             break
-        rung = named(way.basis)
-        if rung not in own:
+        name = named(way.basis)
+        if name not in own:
             fine = simulate(*brought(system, start, way.basis, static, t0), t0=t0, ts=ts, tolerance=_FINE, throw=False)
-            own[rung] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
+            own[name] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
         found = _measured(way, system, start, quantity, t0, ts, static, true)
-        rows += [row._replace(error=max(row.error, own[rung])) for row in found]
+        rows += [row._replace(error=max(row.error, own[name])) for row in found]
         done += 1
     rows = sorted((row for row in rows if np.isfinite(row.error)), key=lambda row: row.cost)
     return Tradeoff(rows, quantity.name, quantity.unit, reference, own_error, len(ways) - done)
@@ -166,7 +165,7 @@ def _ways(system: System) -> Iterator[_Way]:
     rungs = [x for x in RUNGS if condensable(system) or not isinstance(x, QuasiStatic)]
     family = richer(system)  # load-dependent shapes hold no force at the tip, and are good where it is smooth
     rungs += [family(x.n) for x in RUNGS if isinstance(x, LoadRitz) and family is not LoadRitz]
-    scenes = [(basis, dataclasses.replace(system, basis=basis)) for basis in rungs]
+    scenes = [(basis, rung(system, basis)) for basis in rungs]
     worth = [(basis, solvers(scene)) for basis, scene in scenes]
     yield from (_Way(basis, best, "float64") for basis, (best, *_) in worth)
     narrow = [(basis, solvers(in_type("float32", scene))[0]) for basis, scene in scenes]

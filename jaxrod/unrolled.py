@@ -6,6 +6,7 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
+from . import checks
 from .chart import Director, Embedded, Strains
 from .equations import Condensed, Moving, eigenvalues
 from .lanes import by_number, gathered, scattered
@@ -36,7 +37,7 @@ class Unrolled(diffrax.AbstractSolver):
     def __check_init__(self):
         if not isinstance(self.method, diffrax.AbstractERK):
             raise ValueError(
-                f"Unrolled(method={self.method!r}) is no explicit Runge-Kutta method; give diffrax.Tsit5()."
+                f"Unrolled(method={checks.given(self.method)}) is no explicit Runge-Kutta method; give diffrax.Tsit5()."
             )
 
     # By Diffrax itself it is the method as it is.

@@ -190,7 +190,7 @@ def test_lumped_bodies():
 @pytest.mark.parametrize("basis", [jaxrod.Ritz, jaxrod.ForceRitz])
 @pytest.mark.parametrize("n", [2.0, -1, "1"])
 def test_rungs(n, basis):
-    _refused(lambda: basis(n), rf"{basis.__name__}\(n={n}\) is not available; give a whole number")
+    _refused(lambda: basis(n), rf"{basis.__name__}\(n={n!r}\) is not available; give a whole number")
 
 
 def test_what_a_scene_is_made_of():
@@ -383,7 +383,7 @@ def test_exact_frequencies_need_a_rod():
     [
         (lambda e: e, r"law=<lambda> has W'\(0\) = 1 but must have 0"),
         (lambda e: e**2, r"law=<lambda> has W''\(0\) = 2 but must have 1"),
-        (lambda e: jnp.sum(e**2 / 2), r"law=<lambda> must give one energy for each strain"),
+        (lambda e: jnp.sum(e**2 / 2), r"law=<lambda> returned an array of shape \(\); .* one energy .* for each"),
         (None, r"law=None is not a strain law"),
     ],
 )

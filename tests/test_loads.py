@@ -205,7 +205,7 @@ def test_drive_from_a_record(uniform):
 def test_a_run_must_not_leave_a_record(uniform):
     times = jnp.linspace(0.0, 1.0, 101)
     shaken = scene(uniform, jaxrod.ShakenBase(jaxrod.Record(times, jnp.stack([times**3, 0 * times], axis=1))))
-    with pytest.raises(ValueError, match="does not reach over the run, from 0 to 1.5 s"):
+    with pytest.raises(ValueError, match=r"does not reach over the run, from 0 to 1\.5 s"):
         jaxrod.simulate(shaken, shaken.state(), t1=1.5)
     pushed = scene(uniform, jaxrod.Torque(jaxrod.Record(times, 1.0 + times)))
     with pytest.raises(ValueError, match="does not reach over the run"):
@@ -258,7 +258,7 @@ def test_wrong_records(times, samples, sentence):
 
 
 def test_wrong_impulse_and_base():
-    with pytest.raises(ValueError, match="width=.*must be positive"):
+    with pytest.raises(ValueError, match=r"width=.*must be positive"):
         jaxrod.Impulse(1.0, 0.0, 0.0)
     with pytest.raises(ValueError, match="neither of position= and acceleration="):
         jaxrod.ShakenBase()

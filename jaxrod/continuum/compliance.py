@@ -25,7 +25,7 @@ def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
     """The rod, its pivot (m from the root; None: the root itself, or none in flight), and whether it is in flight."""
     rod = getattr(system, "rod", None)
     if rod is None:
-        raise ValueError(f"system={system!r} is no scene; give a System(rod, motion, basis).")
+        raise ValueError(f"system={checks.given(system)} is no scene; give a System(rod, motion, basis).")
     if isinstance(rod, Lumped):
         raise ValueError("rod=Lumped(...) has no length of material to vibrate; give a Rod(length, section, ...).")
     pivot = getattr(system.motion, "pivot", None)
@@ -48,7 +48,7 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
     A wave needs about pi nodes for its length.  Where the rod is not known yet, one panel may hold all the waves.
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 0:
-        raise ValueError(f"n={n!r} must be a whole number of frequencies, 0 or more.")
+        raise ValueError(f"n={checks.given(n)} must be a whole number of frequencies, 0 or more.")
     ends, s, time = _travel(rod, pivot)
     share = 1.0
     if checks.known(ends) and checks.known(time) and np.all(np.isfinite(ends)):

@@ -16,13 +16,18 @@ from ..section import Cone, Profile, Uniform
 from .compliance import support
 
 
-@eqx.filter_jit
 def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[Array, " n"]:
     """The first n roots kappa of kappa cot kappa = 1 - held / free: a cone with these end radii.
 
     One root lies in each interval ((k - 1) pi, k pi], at its end for a pointed tip, where the brackets must not end.
-    """
 
+    **Raises:** `ValueError` for radii that are negative, and for n that is not a whole number >= 1.
+    """
+    return _held_free(*_radii(held=held, free=free), checks.count("n", n, 1, "roots"))
+
+
+@eqx.filter_jit
+def _held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[Array, " n"]:
     def equation(kappa, radii):
         held, free = radii
         return free * kappa * jnp.cos(kappa) - (free - held) * jnp.sin(kappa)
@@ -31,13 +36,22 @@ def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[A
     return _roots(equation, held, free, np.concatenate([[0.0], ends])[:n], ends)
 
 
-@eqx.filter_jit
 def free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Float[Array, " n"]:
     """The first n roots kappa > 0 of (kappa^2 + d) sin kappa = kappa d cos kappa, d = (R - r)^2 / (R r).
 
     One root lies in each interval (k pi, (k + 1) pi), at its start for the uniform rod.
-    """
 
+    **Raises:** `ValueError` for radii that are negative, and for n that is not a whole number >= 1.
+    """
+    return _free_free(*_radii(first=first, second=second), checks.count("n", n, 1, "roots"))
+
+
+def _radii(**radii: Any) -> list[Array]:
+    return [checks.not_negative(name, radius, "metres") for name, radius in radii.items()]
+
+
+@eqx.filter_jit
+def _free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Float[Array, " n"]:
     def equation(kappa, radii):
         first, second = radii
         taper = (first - second) ** 2
@@ -55,12 +69,13 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     **Raises:** `ValueError` unless the rod is a `Uniform` or `Cone` of one material, held at its root.
     """
     rod, root, tip = _cone_held_at_root(system)
-    return _release(rod, root, tip, jnp.asarray(strain), jnp.asarray(ts), n)
+    strain, ts = checks.number("strain", strain), checks.numbers("ts", ts, "times in s")
+    return _release(rod, root, tip, strain, ts, checks.count("n", n, 1, "terms"))
 
 
 @eqx.filter_jit
 def _release(rod: Rod, root, tip, strain, ts: Float[Array, " T"], n: int) -> Float[Array, " T"]:
-    kappa = held_free(root, tip, n)
+    kappa = _held_free(root, tip, n)
     waves = Panels(jnp.linspace(0.0, 1.0, n // 2 + 2), 16)  # a wave of the highest mode to a panel, or less
     x, w = waves.s, waves.ds
     radius = root + (tip - root) * x

@@ -24,7 +24,7 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     frequencies are those of the two together.  In flight the rod is free at both ends.  Differentiable in every number
     of the rod and in the pivot, forward and reverse, where frequencies coincide too.
 
-    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 0.  **Warns** of forces that change
+    **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 1.  **Warns** of forces that change
     the axial stiffness, such as a spring at the tip, but not under `jit`, `vmap` or `grad`; `jaxrod.modes` takes them.
 
     >>> import jaxrod
@@ -33,6 +33,7 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     [19.239 67.424]
     """
     rod, pivot, free = support(system)
+    n = checks.count("n", n, 1, "frequencies")
     warn_of_forces("continuum.natural_frequencies", system)
     return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 
@@ -68,6 +69,8 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     [19.665 67.385]
     """
     rod, pivot, flying = linear_support(system)
+    n = checks.count("n", n, 1, "frequencies")
+    checks.switch("free", free)
     warn_of_forces("continuum.spinning_frequencies", system)
     rate, order = checks.number("rate", rate), order_for(rod, pivot, n)
     if free:

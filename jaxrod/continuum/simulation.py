@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import checks
+from .. import calling, checks
 from ..force import TipForce
 from ..motion import Driven, State, check_start
 from .compliance import order_for, support
@@ -72,6 +72,8 @@ def simulate(
     """
     rod, pivot, _ = support(system)
     _check(system, start, modes, static)
+    checks.switch("error", error)
+    modes = int(modes)
     dtype = checks.float_type(system, start)
     if dtype != jnp.float64:
         raise ValueError(
@@ -123,10 +125,14 @@ def converged(
     8 True
     """
     if checks.fails(lambda x: x > 0, checks.number("change", change)):
-        raise ValueError(f"change={change!r} must be positive; give it in the unit of quantity.")
+        raise ValueError(f"change={checks.brief(change)} must be positive; give it in the unit of quantity.")
+    modes, most = checks.count("modes", modes, 2, "modes"), checks.count("most", most, 2, "modes")
+    if quantity is not None and not callable(quantity):
+        raise ValueError(f"quantity={checks.given(quantity)} is not a function; give one of a ContinuumSolution.")
     if most < 2 * modes:
         raise ValueError(f"most={most} leaves nothing to compare modes={modes} with; give twice as many or more.")
-    quantity = (lambda solution: solution.tip_stretch) if quantity is None else quantity
+    asked = (lambda solution: solution.tip_stretch) if quantity is None else quantity
+    quantity = jax.tree_util.Partial(calling.answer, "quantity", "of a ContinuumSolution -> one array", asked)
     reached, solution = np.inf, simulate(system, start, ts=ts, modes=modes, **others)
     while reached > change and 2 * modes <= most:
         modes, before = 2 * modes, np.asarray(quantity(solution))
@@ -144,13 +150,10 @@ def converged(
 
 def _check(system: Any, start: State, modes: int, static: bool) -> None:
     checks.switch("static", static)
-    if isinstance(modes, bool) or not isinstance(modes, int | np.integer) or modes < 2:
-        raise ValueError(f"modes={modes!r} must be a whole number of modes, 2 or more.")
+    checks.count("modes", modes, 2, "modes")
     why = untaken(system, static)
     if why:
         raise ValueError(why)
-    if not isinstance(start, State):
-        raise ValueError(f"start={start!r} does not fit; make it by system.state(angle=..., rate=...).")
     check_start(system.motion, system.basis.n, start)
 
 

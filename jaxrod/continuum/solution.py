@@ -101,7 +101,8 @@ class ContinuumSolution(eqx.Module):
 
     def strain_field(self, s: Float[Array, " points"]) -> Float[Array, "T points"]:
         """Strain at the material coordinates s (m)."""
-        s, rod = jnp.asarray(s), self.system.rod
+        rod = self.system.rod
+        s = checks.along("s", s, rod.length)
         rigidity = rod.modulus(s) * rod.area(s)
         amplitudes = jnp.concatenate([self.states.amplitudes, self.loads], axis=1)
         return amplitudes @ self.waves.tension_at(s).T / rigidity[None, :]
