@@ -38,6 +38,8 @@ def _check_support(rod, motion, basis):
         if basis.n > 1 or not isinstance(basis, Ritz):
             raise ValueError(f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {basis!r}.")
         return
+    if misfit := basis.misfit(rod):
+        raise ValueError(misfit)
     if isinstance(basis, QuasiStatic) and not rod.linear:
         raise ValueError(
             f"basis={basis!r} condenses Hooke's law only; leave out law= of the rod, or take {basis.basis!r}."

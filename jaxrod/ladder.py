@@ -23,7 +23,7 @@ def richer(system: System) -> type[AbstractBasis]:
     """The family of shapes that converges fastest: load-dependent ones, but where a force may act at the tip those that hold
     a force there, as load-dependent ones have no tension at a free tip."""
     along = all(isinstance(force, Torque | PivotFriction | KelvinVoigt | ShakenBase) for force in system.forces)
-    return LoadRitz if along else ForceRitz
+    return LoadRitz if along or ForceRitz(1).misfit(system.rod) else ForceRitz
 
 
 def condensable(system: System) -> bool:
