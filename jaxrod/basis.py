@@ -32,6 +32,11 @@ class AbstractBasis(eqx.Module):
     def uniform(self) -> bool:
         """Whether the strain is the same everywhere, phi_1 = phi_0."""
 
+    def misfit(self, rod: Rod | Lumped) -> str:
+        """Why these shapes do not fit this rod; empty if they do, or where that is not known yet."""
+        del rod
+        return ""
+
     @property
     def by_piece(self) -> bool:
         """Whether shapes belong to pieces of the rod, and vanish with the piece between the pivot and a break."""
@@ -172,6 +177,9 @@ class ForceRitz(AbstractShapes):
 
     **Arguments:** `n`, a whole number >= 0.
 
+    **Raises:** `ValueError`, in a `System`, for a rod with a pointed end (an area below 1e-8 of the largest), where no
+    force can act; under transformations its shapes are NaN there.
+
     >>> import jaxrod
     >>> taper = jaxrod.Rod(length=1.0, section=jaxrod.Cone(2e-4, 0.2), young=1e7, density=1200.0)
     >>> for basis in (jaxrod.Ritz(4), jaxrod.ForceRitz(4)):
@@ -183,6 +191,14 @@ class ForceRitz(AbstractShapes):
     @property
     def uniform(self):
         return False
+
+    def misfit(self, rod):
+        if not self.n or isinstance(rod, Lumped) or not checks.fails(np.logical_not, _pointed(rod)):
+            return ""
+        return (
+            f"basis={self!r} has an axial force everywhere, but section={rod.section!r} comes to a point, where a force would "
+            "stretch the rod without bound; take LoadRitz(n) or Ritz(n)."
+        )
 
     @property
     def by_piece(self):
@@ -213,7 +229,7 @@ class ForceRitz(AbstractShapes):
         nodes = panels.s.size
         shapes = _orthogonal(forces * compliance[None, :], panels.ds / compliance[:nodes])
         mean = shapes[:1, :nodes] @ panels.ds / rod.length
-        return (shapes / mean[:, None])[:, nodes:]
+        return jnp.where(_pointed(rod), jnp.nan, (shapes / mean[:, None])[:, nodes:])
 
 
 class QuasiStatic(AbstractBasis):
@@ -256,8 +272,16 @@ class QuasiStatic(AbstractBasis):
     def by_piece(self):
         return self.basis.by_piece
 
+    def misfit(self, rod):
+        return self.basis.misfit(rod)
+
     def strains(self, rod, s, pivot=None, free=False):
         return self.basis.strains(rod, s, pivot, free)
+
+
+@checks.at_once
+def _pointed(rod: Rod):
+    return rod.section.pointed(rod.length)
 
 
 def _orthogonal(strains: Float[Array, "n points"], rigidity: Float[Array, " nodes"]) -> Float[Array, "n points"]:

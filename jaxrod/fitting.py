@@ -92,6 +92,8 @@ def _check_support(rod, motion, basis):
                 f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {checks.given(basis)}."
             )
         return
+    if misfit := basis.misfit(rod):
+        raise ValueError(misfit)
     if isinstance(basis, QuasiStatic) and not rod.linear:
         raise ValueError(
             f"basis={checks.given(basis)} condenses Hooke's law only; leave out law= of the rod, or take {basis.basis!r}."

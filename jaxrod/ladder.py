@@ -25,7 +25,7 @@ def richer(system: System) -> type[AbstractBasis]:
     a force there, as load-dependent ones have no tension at a free tip."""
     check_system(system)
     along = all(isinstance(force, Torque | PivotFriction | KelvinVoigt | ShakenBase) for force in system.forces)
-    return LoadRitz if along else ForceRitz
+    return LoadRitz if along or ForceRitz(1).misfit(system.rod) else ForceRitz
 
 
 def condensable(system: System) -> bool:

@@ -234,7 +234,7 @@ class _Search:
             yield self.rung(Ritz(0))
         if following <= _HOPELESS * self.tolerance and condensable(self.system):
             yield self.rung(QuasiStatic(LoadRitz(2)))
-        yield from map(self.rung, (Ritz(1), ForceRitz(1)))
+        yield from (self.rung(basis) for basis in (Ritz(1), ForceRitz(1)) if not basis.misfit(self.system.rod))
         yield from (self.rung(self.family(n)) for n in _SHAPES)
 
     def closed_forms(self) -> tuple[float, float]:

@@ -16,6 +16,7 @@ from jaxtyping import Array, Float
 from . import calling, checks
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
+_ROUND = 1e-6  # of the length: what a table may be short of the rod
 _STEEPEST = 1e4  # ratio of radii beyond which a cone counts as pointed
 
 
@@ -36,6 +37,11 @@ class AbstractSection(eqx.Module):
     def valid(self) -> Array:
         """Whether the numbers make a section, beyond a positive area."""
         return jnp.asarray(True)
+
+    def pointed(self, length: Float[Array, ""]) -> Array:
+        """Whether the area at an end is nothing beside the largest."""
+        area = self.area(jnp.linspace(0.0, 1.0, 17, dtype=length.dtype) * length, length)
+        return jnp.any(area[jnp.array([0, -1])] <= jnp.max(area) / _STEEPEST**2)
 
     def covers(self, length: Float[Array, ""]) -> Array:
         """Whether it is known all along a rod of this length."""
@@ -118,12 +124,14 @@ class Cone(AbstractSection):
 class Table(AbstractSection):
     """A measured section: areas (or radii of circles) at some points, a monotone cubic through their logarithm.
 
-    The area is positive and has no waves between the points: Fritsch and Carlson (1980).
+    The area is positive and has no waves between the points: Fritsch and Carlson (1980).  Beyond the points it is NaN.
 
     **Arguments:** `positions` in m, increasing, from the root (<= 0) to the tip (>= length); and either `radii` in m or
-    `areas` in m^2 there, positive.  Differentiable in radii and areas.
+    `areas` in m^2 there, positive.  Differentiable in all of them.  For a traced length let the table reach beyond the
+    tip: a rod that grows longer than its table has frequencies of NaN, and `simulate` ends with `invalid`.
 
-    **Raises:** `ValueError` for positions that do not increase, and for a section that is not positive.
+    **Raises:** `ValueError` for positions that do not increase, for a section that is not positive, and, in a `Rod`, for a
+    table that does not cover it.
 
     >>> import jaxrod
     >>> section = jaxrod.Table([0.0, 0.5, 1.0], radii=[0.02, 0.026, 0.03])
@@ -159,7 +167,8 @@ class Table(AbstractSection):
     def area(self, s, length):
         with jax.numpy_rank_promotion("allow"):  # interpax broadcasts freely
             logs = interpax.interp1d(jnp.ravel(s), self.positions, jnp.log(self.areas), method="monotonic", extrap=True)
-        return jnp.exp(logs).reshape(jnp.shape(s))
+        known = (s >= self.positions[0] - _ROUND * length) & (s <= self.positions[-1] + _ROUND * length)
+        return jnp.where(known, jnp.exp(logs).reshape(jnp.shape(s)), jnp.nan)
 
     def knots(self, length):
         return jnp.clip(self.positions, 0.0, length).astype(length.dtype)
@@ -168,7 +177,7 @@ class Table(AbstractSection):
         return jnp.all(self.areas > 0) & jnp.all(jnp.diff(self.positions) > 0)
 
     def covers(self, length):
-        return (self.positions[0] <= 1e-9 * length) & (self.positions[-1] >= length * (1 - 1e-9))
+        return (self.positions[0] <= _ROUND * length) & (self.positions[-1] >= length * (1 - _ROUND))
 
 
 class Steps(eqx.Module):

@@ -163,6 +163,7 @@ def tradeoff(
 def _ways(system: System) -> Iterator[_Way]:
     """The likeliest first: the default on each rung, float32, the other solvers, steps that adapt."""
     rungs = [x for x in RUNGS if condensable(system) or not isinstance(x, QuasiStatic)]
+    rungs = [x for x in rungs if not x.misfit(system.rod)]
     family = richer(system)  # load-dependent shapes hold no force at the tip, and are good where it is smooth
     rungs += [family(x.n) for x in RUNGS if isinstance(x, LoadRitz) and family is not LoadRitz]
     scenes = [(basis, rung(system, basis)) for basis in rungs]
