@@ -1,5 +1,7 @@
 """Eigenproblems with derivatives that stay finite where eigenvalues meet.  Knows no rods."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
@@ -75,7 +77,7 @@ def _eig_jvp(primals, tangents):
     return (w, v, u), (dw, dv, du)
 
 
-def _turned(a, w, along, load, beside=0.0):
+def _turned(a, w, along, load, beside: Any = 0.0):
     """d, column by column, with (a - w) d = load and along . d = beside.
 
     Each by its own equations: a sum over the other shapes breaks down where two of them are one, as of a rod that turns

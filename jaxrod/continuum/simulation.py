@@ -26,12 +26,14 @@ from .waves import Waves, waves
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000
 _STABLE = 3.0  # step times the highest frequency, of Dopri8
+# What JAX says of forward mode through a rule of reverse mode, and of reverse mode through a loop.
+_ONE_WAY = ("forward-mode differentiation", "Forward-mode", "everse-mode differentiation")
 _WATCHED, _WATCHES = 32, 1000  # sections, and times between those that are saved, at which strains are looked at
 
 
 def simulate(
     system: Any, start: State, *, ts: Float[Array, " T"], t0: Any = 0.0, static: bool = False, modes: int = 64,
-    tolerance: Any = 1e-12, error: bool = True,
+    tolerance: Any = 1e-12, error: bool = True, adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> ContinuumSolution:  # fmt: skip
     """Motion of the exact rod from `start` at time `t0`: director and longitudinal waves u(s, t), fully coupled.
 
@@ -50,6 +52,8 @@ def simulate(
     - `modes`: how many modes of the exact rod carry the displacement.  The step in time goes as their highest period.
     - `tolerance`: error of a step in natural units (radians, strains).
     - `error`: run half the modes too, at ten times the tolerance, and give the differences as `solution.error`.
+    - `adjoint`: as in `diffrax.diffeqsolve`.  Left out, derivatives are those of reverse mode (`grad`, `jacrev`); forward-mode
+      ones (`jvp`, `jacfwd`) need `diffrax.ForwardMode()`, and so does `jacfwd(jacfwd(...))` for second derivatives.
 
     **Convergence.**  Angle and rate gain three powers of `modes` or more, and so does the tip where the start is sudden (a
     kink in u_ss), five where it is `static`.  But where the strain itself jumps (release from stretch, a step load at the
@@ -61,7 +65,7 @@ def simulate(
     **Returns:** a `ContinuumSolution`.
 
     **Raises:** `ValueError` for a `Lumped` body, float32, forces other than `TipForce`, a start that is not of this
-    system, `static` at or beyond the critical rate, and numbers that make no sense.
+    system, `static` at or beyond the critical rate, numbers that make no sense, and derivatives that `adjoint` does not have.
 
     >>> import jax.numpy as jnp, jaxrod
     >>> cone = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -88,8 +92,20 @@ def simulate(
         raise ValueError(
             f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
         )
+    if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint):
+        raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
+    backwards = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     system, start = checks.in_type(dtype, (system, start))
-    solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order_for(rod, pivot, modes))
+    order = order_for(rod, pivot, modes)
+    try:
+        solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards)
+    except (TypeError, ValueError) as raised:
+        if not any(words in str(raised) for words in _ONE_WAY):
+            raise
+        raise ValueError(
+            f"adjoint={adjoint!r} has no such derivative: give adjoint=diffrax.ForwardMode() for jvp, jacfwd and "
+            "jacfwd(jacfwd(...)), or leave adjoint= out for grad and jacrev, once."
+        ) from None
     if static and checks.fails(lambda x: x < 0, beyond):
         raise ValueError(
             f"static=True: the start turns at or beyond the critical rate of {float(solution.waves.omega[0]):.6g} rad/s, where "
@@ -186,16 +202,16 @@ class _Run(NamedTuple):
 
 
 @eqx.filter_jit
-def _run(system, start, t0, ts, static, modes, tolerance, error, order) -> tuple[ContinuumSolution, Array]:
+def _run(system, start, t0, ts, static, modes, tolerance, error, order, adjoint) -> tuple[ContinuumSolution, Array]:
     rod, pivot, free = support(system)
     all_waves = waves(rod, pivot, free, modes, order)
     if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
         kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
-        runs = jax.lax.map(lambda x: _solve(system, all_waves, start, t0, ts, static, *x), (kept, tolerances))
+        runs = jax.lax.map(lambda x: _solve(system, all_waves, start, t0, ts, static, *x, adjoint), (kept, tolerances))
         run, coarse = (jax.tree.map(lambda x: x[i], runs) for i in (0, 1))  # noqa: B023
         errors = _difference(run, coarse)
     else:
-        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance), None
+        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance, adjoint), None
     solution = ContinuumSolution(
         ts,
         run.states,
@@ -215,7 +231,7 @@ def _run(system, start, t0, ts, static, modes, tolerance, error, order) -> tuple
     return solution, turning - all_waves.omega[0] ** 2
 
 
-def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance) -> _Run:
+def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance, adjoint) -> _Run:
     """The run with the first `kept` of these waves."""
     waves = all_waves.first(kept)
     gravity = system.gravity
@@ -251,7 +267,9 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
         None,
         dynamics.encode(t0, start, q, dq),
         saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=times), diffrax.SubSaveAt(ts=between, fn=lowest)]),
-        stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=times),
+        # The steps have no derivative: the clipped ones would be differentiated again and again.
+        stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=jax.lax.stop_gradient(times)),
+        adjoint=adjoint,
         max_steps=_STEPS,
         throw=False,
     )
