@@ -117,6 +117,20 @@ class Torque(AbstractStrength):
     >>> system = jaxrod.System(rod, jaxrod.Rotation(), forces=[motor])
     >>> print(jaxrod.simulate(system, system.state(), t1=1.0).angle.round(4))
     [0.7795]
+
+    A run is compiled for each function anew, so a loop over loads holds their numbers in a module instead of a lambda.  Its
+    runs after the first start at once:
+
+    >>> import equinox as eqx
+    >>> class Sine(eqx.Module):
+    ...     most: float
+    ...     def __call__(self, t, state):
+    ...         return self.most * jnp.sin(3 * t)
+    >>> for most in (1.0, 2.0):
+    ...     system = jaxrod.System(rod, jaxrod.Rotation(), forces=[jaxrod.Torque(Sine(jnp.asarray(most)))])
+    ...     print(jaxrod.simulate(system, system.state(), t1=0.5).angle.round(4))
+    [0.0711]
+    [0.1422]
     """
 
     moment: Any

@@ -10,10 +10,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
 from . import checks
+from .chart import Director, Strains
 from .lagrangian import Lagrangian
 from .ledger import Ledger, account
 from .limits import model_limits
-from .motion import State
+from .motion import Driven, State
 from .result import Result
 from .rod import Rod
 from .system import System
@@ -145,6 +146,10 @@ class Solution(eqx.Module):
         longest = np.nanmin(self.stats.get("longest_step", np.inf))
         if np.isfinite(longest) and np.any(np.atleast_1d(self.result == Result.coarse)):
             where += f"; the longest step that can be stable is {longest:.4g} s"
+        stopped = bad.size == 1 and self.result == Result.max_steps and isinstance(self.system, System)
+        if stopped and self.system.forces and _overdamped(self.system, self.start):
+            chart = "" if isinstance(self.system.motion, Driven) else ", chart=jaxrod.Director()"
+            where += f"; damping is stiffer than any vibration: take solver=diffrax.Kvaerno5(){chart}"
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
     def __str__(self):
@@ -180,6 +185,22 @@ class Solution(eqx.Module):
             if largest > _LARGE_STRAIN:
                 lines.append(f"a law of large strain, which reaches {largest:.2g}; Rod(law=...) takes one")
         return lines
+
+
+def _overdamped(system: System, start: State) -> bool:
+    """Whether some motion at the start decays faster than any oscillates: explicit steps are as short as its decay."""
+    by_q, by_v = _slopes(system, start)
+    n = len(by_q)
+    rates = np.linalg.eigvals(np.block([[np.zeros((n, n)), np.eye(n)], [by_q, by_v]]))
+    return bool(np.max(-rates.real, initial=0.0) > np.max(np.abs(rates.imag), initial=0.0))
+
+
+@eqx.filter_jit
+def _slopes(system: System, start: State) -> tuple[Array, Array]:
+    """Derivatives of the accelerations at the start, by coordinates and by velocities."""
+    equations = system.equations(Strains() if isinstance(system.motion, Driven) else Director())
+    q, v = equations.encode(0.0, start)
+    return jax.jacfwd(lambda q, v: equations.acceleration(0.0, q, v), argnums=(0, 1))(q, v)
 
 
 @eqx.filter_jit

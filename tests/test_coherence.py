@@ -300,6 +300,7 @@ SLOW = [("plane", 0), ("plane", 1), ("flight", 0), ("flight", 3)]  # the others 
         for n in (0, 1, 3)
     ],
 )
+@pytest.mark.filterwarnings("ignore:KelvinVoigt:UserWarning")  # of the rigid rod
 def test_charts_give_one_acceleration(motion, n):
     """With every force and a body at the tip; with one strain and no inertia of that body's, `Embedded` too."""
     bodies = [heavy()] if n != 1 else [heavy(), rod(tip_mass=0.3)]

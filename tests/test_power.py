@@ -95,7 +95,7 @@ def forces(motion, basis, x):
         jaxrod.TipForce(x["pull"]),
         jaxrod.TipForce(lambda t, state: x["tip_force"][: motion.dimension] * (jnp.cos(t) + state.direction[0])),
     ]
-    if not isinstance(basis, jaxrod.QuasiStatic):
+    if basis.n and not isinstance(basis, jaxrod.QuasiStatic):  # else it does nothing
         given.append(jaxrod.KelvinVoigt(x["viscosity"]))
     if not flight:
         given += [jaxrod.PivotFriction(x["friction"]), jaxrod.ShakenBase(shaken)]
