@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from . import arguments, checks
+from . import arguments, checks, plausibility, precision, units
 from .budget import budgets
 from .chart import AbstractChart
 from .checks import in_type
@@ -32,6 +32,7 @@ from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .result import Result, SimulationError
 from .reversal import reversible
+from .rod import Rod
 from .solution import Solution
 from .stepping import step_through
 from .symplectic import AbstractSymplectic
@@ -99,6 +100,8 @@ def simulate(
     >>> print(jax.vmap(jax.grad(end))(jax.numpy.array([10.0, 15.0])).round(4))
     [0.099  0.0967]
     """
+    in_s = {"ts": ts, "t1": t1, "t0": t0, "dt0": dt0}
+    ts, t1, t0, dt0 = (units.plain(name, time, "s") for name, time in in_s.items())
     if isinstance(tolerance, Plan):
         return _follow(
             tolerance, system, start, t0=t0, ts=ts, t1=t1, chart=chart, solver=solver, dt0=dt0, n_steps=n_steps,
@@ -107,6 +110,7 @@ def simulate(
         )  # fmt: skip
     arguments.check_scene(system, start, chart)
     dtype = checks.float_type(system, start)
+    precision.warn_if_lowered(dtype, system, start)
     system, start = in_type(dtype, (system, start))
     if isinstance(system, System) and isinstance(start, State):
         check_start(system.motion, system.basis.n, start)
@@ -127,7 +131,7 @@ def simulate(
         raise ValueError(
             f"tolerance={checks.brief(tolerance)} chooses solver and steps itself; leave out {', '.join(given)}."
         )
-    asked = arguments.checked_tolerance(tolerance, dtype)
+    asked = arguments.checked_tolerance(tolerance, dtype, (system, start))
     several = isinstance(budget, list | tuple)
     if several and (not budget or any(each is None for each in budget)):
         raise ValueError(
@@ -186,6 +190,7 @@ def simulate(
     solution = _as_asked(solution, system, times, ts, unknown)
     if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
+    _doubt_strain(system, solution.states)
     if budget is not None:
         assert isinstance(system, System) and isinstance(start, State)
         if not isinstance(solution.states, State):
@@ -218,6 +223,17 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
     times = arguments.times(others["ts"], others["t1"], others["t0"], others["saveat"], jnp.result_type(float))
     system, start = plan.applied(system, start, others["t0"])
     return simulate(system, start, **plan.steps(system, start, times.start, times.end), **others)
+
+
+def _doubt_strain(system: Any, states: Any) -> None:
+    """Warn of a known run that stretched a rod beyond all that Hooke's law is for."""
+    rod = getattr(system, "rod", None)
+    if isinstance(rod, Rod) and rod.linear and isinstance(states, State) and checks.known(states.amplitudes):
+        strains = np.abs(np.asarray(states.amplitudes)[..., :1])
+        if doubt := plausibility.strain(
+            np.max(strains, initial=0.0, where=np.isfinite(strains)), checks.brief(rod.young)
+        ):
+            warnings.warn(doubt, stacklevel=3)
 
 
 class Reversible(eqx.Module):
