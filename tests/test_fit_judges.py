@@ -255,8 +255,10 @@ def test_as_many_parameters_as_data_that_miss_them():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"data": None}, "must be real numbers"),
-        ({"sigma": "a"}, "must be real numbers"),
+        ({"data": None}, "data=None is not numbers"),
+        ({"sigma": "a"}, "sigma='a' is not numbers"),
+        ({"model": lambda p: None}, "model returned None"),
+        ({"model": lambda p: p["b"] * X}, "model raised KeyError"),
         ({"max_steps": 0}, "max_steps=0 must be a"),
         ({"max_steps": 1.5}, "max_steps=1.5 must be a"),
         ({"start": {"a": 0.0}, "model": lambda p: jnp.sqrt(p["a"]) * X}, "derivative at the start that is not finite"),

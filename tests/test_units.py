@@ -128,6 +128,33 @@ def test_of_another_kind_they_are_refused(build, message):
         build()
 
 
+@pytest.mark.parametrize(
+    "build",
+    [
+        lambda: _steel(section=lambda s: Q(1e-4 + 0 * s, "m^2")),
+        lambda: _steel(young=lambda s: Q(200.0, "GPa")),
+        lambda: jaxrod.Driven(lambda t: Q(90.0, "deg")),
+        lambda: jaxrod.System(_steel(), jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: Q(1.0, "N mm"))]),
+        lambda: jaxrod.System(_steel(), jaxrod.Rotation(), forces=[jaxrod.ShakenBase(lambda t: Q(np.ones(2), "mm"))]),
+        lambda: jaxrod.fit(lambda p: Q(np.ones(2), "mm"), [1.0, 1.0], 1.0, {"a": 1.0}),
+    ],
+    ids=["section", "young", "drive", "torque", "base", "model"],
+)
+def test_what_functions_return_is_refused(build):
+    """JAX would strip its unit."""
+    with pytest.raises(ValueError, match=r"(returned|gives) .*(Quantity|unit)"):
+        build()
+
+
+def test_records_and_impulses():
+    record = jaxrod.Record(Q([0.0, 1000.0], "ms"), Q([0.0, 2.0], "mm"))
+    np.testing.assert_allclose(record(0.5), 1e-3)
+    blow = jaxrod.Impulse(Q(1, "N ms"), Q(1, "min"), Q(10, "us"))
+    np.testing.assert_allclose([blow.total, blow.start, blow.width], [1e-3, 60.0, 1e-5])
+    with pytest.raises(ValueError, match=r"Impulse\(width=\)=1 millimeter does not convert to s"):
+        jaxrod.Impulse(1.0, 0.0, Q(1, "mm"))
+
+
 def _scene():
     return jaxrod.System(_steel(), jaxrod.Rotation(), jaxrod.Ritz(1))
 
