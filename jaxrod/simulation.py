@@ -190,7 +190,7 @@ def simulate(
     solution = _as_asked(solution, system, times, ts, unknown)
     if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
-    _doubt_strain(system, solution.states)
+    _doubt_strain(solution)
     if budget is not None:
         assert isinstance(system, System) and isinstance(start, State)
         if not isinstance(solution.states, State):
@@ -225,15 +225,15 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
     return simulate(system, start, **plan.steps(system, start, times.start, times.end), **others)
 
 
-def _doubt_strain(system: Any, states: Any) -> None:
-    """Warn of a known run that stretched a rod beyond all that Hooke's law is for."""
-    rod = getattr(system, "rod", None)
-    if isinstance(rod, Rod) and rod.linear and isinstance(states, State) and checks.known(states.amplitudes):
-        strains = np.abs(np.asarray(states.amplitudes)[..., :1])
-        if doubt := plausibility.strain(
-            np.max(strains, initial=0.0, where=np.isfinite(strains)), checks.brief(rod.young)
-        ):
-            warnings.warn(doubt, stacklevel=3)
+def _doubt_strain(solution: Solution) -> None:
+    """Warn of a run that is known to have stretched a rod beyond all that Hooke's law is for."""
+    rod, states = getattr(solution.system, "rod", None), solution.states
+    hooke = isinstance(rod, Rod) and rod.linear and isinstance(states, State)
+    if not hooke or not checks.known(states.amplitudes) or checks.fails(lambda ok: ok, solution.ok):
+        return
+    largest = np.max(np.abs(np.asarray(states.amplitudes)[..., :1]), initial=0.0)
+    if doubt := plausibility.strain(largest, checks.brief(rod.young)):
+        warnings.warn(doubt, stacklevel=3)
 
 
 class Reversible(eqx.Module):
