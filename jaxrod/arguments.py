@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import calling, checks
+from . import calling, checks, configuration, precision, units
 from .chart import AbstractChart
 from .lagrangian import Lagrangian
 from .motion import Driven, State, check_start
@@ -78,7 +78,7 @@ def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
     if not all(map(checks.known, jax.tree.leaves((system, start)))):
         raise ValueError(f"the scene is traced; {instead}.")
     if jnp.result_type(float) != jnp.float64:
-        raise ValueError("the exact rod needs float64: call jaxrod.configure() before anything else of JAX.")
+        raise ValueError(f"the exact rod needs float64: {configuration.remedy_of_float32()}.")
     checks.switch("static", static)
     if static and isinstance(system.rod, Rod) and not system.rod.linear:
         raise ValueError(
@@ -127,6 +127,7 @@ def times(ts, t1, t0, saveat, dtype, by_the_clock: bool = False) -> Times:
 
     `by_the_clock`: as they are, for what knows the user's times.
     """
+    t0, t1, ts = (units.plain(name, x, "s") for name, x in {"t0": t0, "t1": t1, "ts": ts}.items())
     if (ts is None) == (t1 is None):
         given = "neither" if ts is None else "both"
         raise ValueError(f"{given} of ts= and t1= given; give ts= (times to save at) or t1= (the end alone).")
@@ -201,18 +202,18 @@ def since(t0, ts) -> Any:
 def interval(t1, t0) -> tuple[float, float]:
     """Begin and end of a run in s, known."""
     times(None, t1, t0, None, jnp.result_type(float))
-    return float(t0), float(t1)
+    return float(units.plain("t0", t0, "s")), float(units.plain("t1", t1, "s"))
 
 
-def checked_tolerance(tolerance, dtype) -> Float[Array, ""]:
+def checked_tolerance(tolerance, dtype, scene: tuple) -> Float[Array, ""]:
     name = jnp.dtype(dtype).name
     if tolerance is None:
         tolerance = _DEFAULT_TOLERANCE[name]
-    tolerance = checks.positive("tolerance", tolerance, "relative error of the tip's position")
+    tolerance = checks.positive("tolerance", tolerance, "", "relative error of the tip's position")
     if checks.fails(lambda tolerance: tolerance < 1, tolerance):
         raise ValueError(f"tolerance={checks.shown(tolerance)} is a relative error of 1 or more; give a smaller one.")
     if checks.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
-        other = "call jaxrod.configure() and build the scene in float64" if name == "float32" else "take a larger one"
+        other = precision.remedy(*scene) if name == "float32" else "take a larger one"
         raise ValueError(
             f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {LEAST_TOLERANCE[name]:.0e}; {other}."
         )
@@ -223,7 +224,7 @@ def check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
     if not isinstance(solver, diffrax.AbstractSolver | AbstractMultistep):
         raise ValueError(f"solver={checks.given(solver)} is not a solver; give an instance, such as diffrax.Tsit5().")
     if dt0 is not None:
-        checks.positive("dt0", dt0, "seconds")
+        checks.positive("dt0", dt0, "s", "seconds")
     if n_steps is not None:
         n_steps = checks.number("n_steps", n_steps)
         if checks.fails(lambda n: (n >= 1) & (n == np.floor(n)), n_steps):

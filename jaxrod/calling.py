@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
-from . import checks
+from . import checks, units
 
 # What JAX raises where a program asks for the value of a number that is only traced.
 _TRACED = (jax.errors.JAXTypeError, jax.errors.JAXIndexError)
@@ -98,7 +98,12 @@ def like(*shape: int) -> jax.ShapeDtypeStruct:
 
 
 def real(found: Any) -> Array:
-    """Numbers that a function returned as an array, whole ones as floating-point numbers."""
+    """Numbers that a function returned as an array, whole ones as floating-point numbers.
+
+    **Raises:** `ValueError` for quantities with a unit, whose unit JAX would strip.
+    """
+    if units.carries_unit(found):
+        raise ValueError("a function returned a quantity with a unit; return plain numbers in SI.")
     array = jnp.asarray(found)
     return array if jnp.issubdtype(array.dtype, jnp.inexact) else array * 1.0
 

@@ -16,6 +16,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float, Inexact
 
+from . import units
+
 _BRIEF = 60  # characters of what is repeated in a message
 
 
@@ -98,18 +100,21 @@ def _no_derivative_jvp(primals, tangents):
     return no_derivative(x, where), dx * jnp.where(where, jnp.nan, 1.0).astype(dx.dtype)
 
 
-def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array, "..."]:
+def number(name: str, value: Any, shape: tuple[int, ...] = (), unit: str | None = "") -> Inexact[Array, "..."]:
     """`value` as a floating-point array of the given shape, finite where that is known.
 
-    An array keeps its type.  A Python number stays weakly typed: beside a float32 array it computes in float32.
+    A quantity is converted to `unit`, as `units.plain` says.  An array keeps its type.  A Python number stays weakly
+    typed: beside a float32 array it computes in float32.
     """
+    inside = " in SI units" if unit is None else f" in {unit}" if unit else ""
+    value = units.plain(name, value, unit)
     try:
         array = jnp.asarray(value)
         if array.dtype == bool:
             raise TypeError
         array = array if jnp.issubdtype(array.dtype, jnp.inexact) else array * 1.0
     except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name}={given(value)} is not a number; give a real number in SI units.") from None
+        raise ValueError(f"{name}={given(value)} is not a number; give a real number{inside}.") from None
     if array.shape != shape:
         wanted = "one number" if shape == () else f"an array of shape {shape}"
         raise ValueError(
@@ -117,14 +122,15 @@ def number(name: str, value: Any, shape: tuple[int, ...] = ()) -> Inexact[Array,
             "jaxrod.sweep."
         )
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
-        raise ValueError(f"{name}={given(value)} is complex; give a real number in SI units.")
+        raise ValueError(f"{name}={given(value)} is complex; give a real number{inside}.")
     if fails(np.isfinite, array):
-        raise ValueError(f"{name}={shown(array)} is not finite; give a finite number in SI units.")
+        raise ValueError(f"{name}={shown(array)} is not finite; give a finite number{inside}.")
     return array
 
 
-def reals(name: str, value: Any) -> Inexact[Array, "..."]:
+def reals(name: str, value: Any, unit: str | None = "") -> Inexact[Array, "..."]:
     """`value` as real floating-point numbers of any shape, finite or not."""
+    value = units.plain(name, value, unit)
     try:
         array = jnp.asarray(value)
     except (TypeError, ValueError, OverflowError):
@@ -136,7 +142,7 @@ def reals(name: str, value: Any) -> Inexact[Array, "..."]:
 
 def along(name: str, value: Any, length: Any) -> Float[Array, " points"]:
     """Material coordinates in m in a row, within a rod of this length where that is known."""
-    s = numbers(name, value, "material coordinates in m")
+    s = numbers(name, value, "material coordinates in m", "m")
     if fails(lambda s, length: (s >= 0) & (s <= np.min(length) * (1 + 1e-6)), s, length):
         raise ValueError(
             f"{name}={shown(s)} m goes beyond the rod; give coordinates within 0 and length={shown(length)} m."
@@ -144,30 +150,31 @@ def along(name: str, value: Any, length: Any) -> Float[Array, " points"]:
     return s
 
 
-def numbers(name: str, value: Any, what: str) -> Float[Array, " N"]:
+def numbers(name: str, value: Any, what: str, unit: str | None = "") -> Float[Array, " N"]:
     """`value` as a floating-point array of one axis with an entry at least."""
+    value = units.plain(name, value, unit)
     try:
         shape = jnp.asarray(value).shape
     except (TypeError, ValueError, OverflowError):
         shape = (1,)  # `number` says what is wrong
     if len(shape) != 1 or shape == (0,):
         raise ValueError(f"{name} has shape {shape}; give {what} in a row, (T,) with T at least 1.")
-    return number(name, value, shape)
+    return number(name, value, shape, unit)
 
 
-def positive(name: str, value: Any, unit: str) -> Float[Array, ""]:
-    """A number above zero."""
-    array = number(name, value)
+def positive(name: str, value: Any, unit: str | None, what: str | None = None) -> Float[Array, ""]:
+    """A number above zero, in a unit that Pint reads; `what` says in words what to give."""
+    array = number(name, value, unit=unit)
     if fails(lambda x: x > 0, array):
-        raise ValueError(f"{name}={shown(array)} must be positive; give it in {unit}.")
+        raise ValueError(f"{name}={shown(array)} must be positive; give it in {what or unit}.")
     return array
 
 
-def not_negative(name: str, value: Any, unit: str) -> Float[Array, ""]:
-    """A number that may be zero but not below it."""
-    array = number(name, value)
+def not_negative(name: str, value: Any, unit: str | None, what: str | None = None) -> Float[Array, ""]:
+    """A number that may be zero but not below it; likewise."""
+    array = number(name, value, unit=unit)
     if fails(lambda x: x >= 0, array):
-        raise ValueError(f"{name}={shown(array)} must not be negative; give it in {unit}.")
+        raise ValueError(f"{name}={shown(array)} must not be negative; give it in {what or unit}.")
     return array
 
 

@@ -96,6 +96,18 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     return _done[0][0]
 
 
+def was_called() -> bool:
+    """Whether `configure` has set JAX up."""
+    return bool(_done)
+
+
+def remedy_of_float32() -> str:
+    """What to do where JAX's default type is float32 and float64 is needed."""
+    if not _done:
+        return "call jaxrod.configure() before anything else touches JAX, and build the scene after it"
+    return "leave x64=False out of jaxrod.configure()" if not _done[0][1]["x64"] else "leave JAX's x64 mode on"
+
+
 def loops_are_whole() -> bool:
     """Whether XLA makes one function of a loop over many lanes, and one kernel of two results, seen on a small one."""
     import jax

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks
+from . import calling, checks, units
 from .lanes import depends_on_first
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .projection import Projection
@@ -136,7 +136,8 @@ class Torque(AbstractStrength):
     moment: Any
 
     def __init__(self, moment):
-        self.moment = _strength("Torque(moment=)", moment, (3,) if np.ndim(_number(moment)) else ())
+        moment = units.plain("Torque(moment=)", moment, "N m")
+        self.moment = _strength("Torque(moment=)", moment, (3,) if np.ndim(_number(moment)) else (), "N m")
 
     @property
     def strength(self):
@@ -176,7 +177,8 @@ class TipForce(AbstractStrength):
     force: Any
 
     def __init__(self, force):
-        self.force = _strength("TipForce(force=)", force, np.shape(_number(force))[:1])
+        force = units.plain("TipForce(force=)", force, "N")
+        self.force = _strength("TipForce(force=)", force, np.shape(_number(force))[:1], "N")
 
     @property
     def strength(self):
@@ -242,7 +244,7 @@ class KelvinVoigt(AbstractStrength):
     time: Any
 
     def __init__(self, time):
-        self.time = _damping("KelvinVoigt(time=)", time, "seconds")
+        self.time = _damping("KelvinVoigt(time=)", time, "s", "seconds")
 
     @property
     def strength(self):
@@ -332,12 +334,12 @@ class ShakenBase(AbstractForce):
         return kinked(place, acceleration) | (jnp.all(acceleration == 0) & jnp.all(rate == 0))
 
 
-def _strength(name: str, value: Any, shape: tuple[int, ...]) -> Any:
-    return checks.carried(value) if callable(value) else checks.number(name, value, shape)
+def _strength(name: str, value: Any, shape: tuple[int, ...], unit: str) -> Any:
+    return checks.carried(value) if callable(value) else checks.number(name, value, shape, unit)
 
 
-def _damping(name: str, value: Any, unit: str) -> Any:
-    return checks.carried(value) if callable(value) else checks.not_negative(name, value, unit)
+def _damping(name: str, value: Any, unit: str, what: str | None = None) -> Any:
+    return checks.carried(value) if callable(value) else checks.not_negative(name, value, unit, what)
 
 
 def _number(value: Any) -> Any:

@@ -238,7 +238,7 @@ def _inside(pivot):
     """A pivot, or None if it is known to be the root: then the rod is one piece."""
     if pivot is None:
         return None
-    place = checks.not_negative("pivot", pivot, "metres from the root")
+    place = checks.not_negative("pivot", pivot, "m", "metres from the root")
     return place if checks.fails(lambda s: s == 0, place) or not checks.known(place) else None
 
 

@@ -126,8 +126,8 @@ def plan(
     True 0
     """
     arguments.check_known(system, start, "plan one like it before, and follow that plan by tolerance=plan", static)
-    tolerance = float(checks.positive("tolerance", tolerance, "the quantity's unit"))
     quantity = as_quantity(quantity)
+    tolerance = float(checks.positive("tolerance", tolerance, quantity.unit, "the quantity's unit"))
     system, start = in_type("float64", (system, start))
     begin, end = arguments.interval(t1, t0)
     return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()

@@ -29,7 +29,7 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, Any], until: flo
         raise ValueError(f"solutions={checks.given(solutions)} holds something else; give solutions of a System.")
     if set(slow) != set(solutions):
         raise ValueError(f"slow has titles {list(slow)} and solutions has {list(solutions)}; give the same.")
-    until = float(checks.positive("until", until, "seconds"))
+    until = float(checks.positive("until", until, "s", "seconds"))
     figure, axes = _columns(len(solutions), 2, height=5.0, bottom=0.5, top=0.65, sharex=True, sharey="row")
     for column, (name, solution) in zip(axes.T, solutions.items(), strict=True):
         shown = np.asarray(solution.ts) <= until

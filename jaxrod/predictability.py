@@ -69,8 +69,8 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
     """
     arguments.check_system(system, start)
     _, t0, t1, _ = arguments.times(None, t1, t0, None, checks.float_type(system, start), by_the_clock=True)
-    tolerance = checks.positive("tolerance", tolerance, "lengths of the rod")
-    distance = checks.positive("distance", distance, "rad and strain")
+    tolerance = checks.positive("tolerance", tolerance, "", "lengths of the rod")
+    distance = checks.positive("distance", distance, "", "rad and strain")
     if checks.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
         raise ValueError(
             f"distance={checks.shown(distance)} of the starts must be below tolerance={checks.shown(tolerance)}; else nothing "

@@ -77,17 +77,18 @@ class LargestStrain(AbstractQuantity):
 
     def __check_init__(self):
         if self.at is not None:
-            checks.number("at", self.at)
+            checks.number("at", self.at, unit="m")
 
     def __call__(self, solution):
         if self.at is None:
             return jnp.max(jnp.abs(solution.strain), axis=-1)
         length = solution.system.rod.length
-        if checks.fails(lambda at, length: (at >= 0) & (at <= length), checks.number("at", self.at), length):
+        at = checks.number("at", self.at, unit="m")
+        if checks.fails(lambda at, length: (at >= 0) & (at <= length), at, length):
             raise ValueError(
-                f"at={checks.shown(self.at)} m lies beyond the rod; it must be within length={checks.shown(length)} m."
+                f"at={checks.shown(at)} m lies beyond the rod; it must be within length={checks.shown(length)} m."
             )
-        return jnp.max(jnp.abs(solution.strain_field(jnp.asarray(self.at)[None])), axis=(-2, -1))
+        return jnp.max(jnp.abs(solution.strain_field(at[None])), axis=(-2, -1))
 
     def times(self, t0, t1):
         return jnp.linspace(t0, t1, 201)[1:]

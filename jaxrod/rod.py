@@ -14,15 +14,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks
+from . import calling, checks, plausibility
 from .law import hooke
 from .looking import check_positive, look_along, stands
 from .places import deciding
 from .quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
-
-_FASTEST_SOLID = 2.0e4  # m/s: sound in diamond is about 18 km/s
 
 
 class Rod(eqx.Module):
@@ -39,8 +37,8 @@ class Rod(eqx.Module):
     - `law`: strain energy over E as a function of strain, such as `jaxrod.law.neo_hookean`; Hooke's law if left out.
 
     **Raises:** `ValueError` for a number that is not positive and finite, and for a section, modulus or density that
-    vanishes inside the rod.  **Warns** when the wave speed sqrt(E / rho) exceeds 20 km/s: no solid is that stiff, the
-    unit of `young` or `density` is likely wrong.
+    vanishes inside the rod.  **Warns** when `young` and `density` are of no solid and of no consistent system of units, or
+    the rod weighs more than 1e8 kg, and names the unit that would explain it.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -58,16 +56,18 @@ class Rod(eqx.Module):
     resolution: Resolution = eqx.field(static=True, init=False, repr=False)
 
     def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=hooke):
-        self.length = checks.positive("length", length, "metres")
-        self.young = profile("young", young, "pascals (rubber about 1e7, steel 2e11)")
+        self.length = checks.positive("length", length, "m")
+        self.young = profile("young", young, "Pa", "pascals (rubber about 1e7, steel 2e11)")
         self.density = profile("density", density, "kg/m^3")
-        self.tip_mass = None if tip_mass is None else checks.not_negative("tip_mass", tip_mass, "kg, or None")
+        self.tip_mass = None if tip_mass is None else checks.not_negative("tip_mass", tip_mass, "kg", "kg, or None")
         if tip_inertia is not None and tip_mass is None:
             raise ValueError(
                 f"tip_inertia={checks.given(tip_inertia)} belongs to a body at the tip; give tip_mass= too."
             )
         self.tip_inertia = (
-            None if tip_inertia is None else checks.not_negative("tip_inertia", tip_inertia, "kg m^2, or None")
+            None
+            if tip_inertia is None
+            else checks.not_negative("tip_inertia", tip_inertia, "kg m^2", "kg m^2, or None")
         )
         if not callable(law):
             raise ValueError(
@@ -113,14 +113,13 @@ class Rod(eqx.Module):
             raise ValueError(f"Table(positions={positions}) must reach from 0 to length={checks.shown(self.length)} m.")
         if all(map(checks.known, (s, area, modulus, density, self.length))):
             check_positive(s, area, modulus, density, self.length)
-        if checks.fails(lambda E, rho: _FASTEST_SOLID**2 * rho >= E, modulus, density):
-            fastest = np.sqrt(np.max(np.asarray(modulus) / np.asarray(density)))
-            warnings.warn(
-                f"wave speed sqrt(young/density) = {fastest:.3g} m/s is beyond any solid (diamond 1.8e4 m/s): is "
-                f"young={checks.brief(self.young)} in Pa and density={checks.brief(self.density)} in kg/m^3? (The paper "
-                "prints rubber's modulus as 10^7 MPa where 10^7 Pa is meant.)",
-                stacklevel=3,
-            )
+            s, area, modulus, density = map(np.asarray, (s, area, modulus, density))
+            for doubt in (
+                plausibility.material(modulus, density),
+                plausibility.mass(float(self.length), s, area, density),
+            ):
+                if doubt:
+                    warnings.warn(doubt, stacklevel=6)
 
     def _check_size(self):
         """What squares, or the numbers' type, would lose."""
@@ -318,12 +317,12 @@ class Rod(eqx.Module):
 
     def first_moment(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about) ds in kg m, with the body at the tip."""
-        about = checks.number("about", about)
+        about = checks.number("about", about, unit="m")
         return self._mass_moment(lambda s: s - about)
 
     def moment_of_inertia(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about)^2 ds in kg m^2, with the body at the tip: (16) for the cone about its root."""
-        about = checks.number("about", about)
+        about = checks.number("about", about, unit="m")
         inertia = self._mass_moment(lambda s: (s - about) ** 2)
         return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 
@@ -374,9 +373,9 @@ class Lumped(eqx.Module):
 
     def __init__(self, inertia, first_moment, stiffness, length):
         self.inertia = checks.positive("inertia", inertia, "kg m^2")
-        self.first_moment = checks.number("first_moment", first_moment)
-        self.stiffness = checks.positive("stiffness", stiffness, "N m (spring constant times length squared)")
-        self.length = checks.positive("length", length, "metres")
+        self.first_moment = checks.number("first_moment", first_moment, unit="kg m")
+        self.stiffness = checks.positive("stiffness", stiffness, "N m", "N m (spring constant times length squared)")
+        self.length = checks.positive("length", length, "m")
 
     def valid(self) -> Array:
         """Whether the numbers make a body: the same questions as at construction, for traced values."""

@@ -84,7 +84,7 @@ def past_the_pole() -> Scene:
 
 def steady(rate: Any) -> Driven:
     """Driven at a steady rate (rad/s), which is a leaf: it may be traced."""
-    return Driven(Partial(_turned, checks.number("rate", rate)))
+    return Driven(Partial(_turned, checks.number("rate", rate, unit="rad/s")))
 
 
 def _turned(rate, t):

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import calling, checks
+from . import calling, checks, units
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _ROUND = 1e-6  # of the length: what a table may be short of the rod
@@ -63,7 +63,7 @@ class Uniform(AbstractSection):
     breaks: ClassVar[tuple[float, ...]] = ()
 
     def __init__(self, radius):
-        self.radius = checks.positive("Uniform(radius=)", radius, "metres")
+        self.radius = checks.positive("Uniform(radius=)", radius, "m")
 
     def area(self, s, length):
         return jnp.pi * self.radius**2 * jnp.ones_like(s)
@@ -91,8 +91,8 @@ class Cone(AbstractSection):
     breaks: ClassVar[tuple[float, ...]] = ()
 
     def __init__(self, root_radius, tip_radius):
-        root = checks.not_negative("Cone(root_radius=)", root_radius, "metres")
-        tip = checks.not_negative("Cone(tip_radius=)", tip_radius, "metres")
+        root = checks.not_negative("Cone(root_radius=)", root_radius, "m")
+        tip = checks.not_negative("Cone(tip_radius=)", tip_radius, "m")
         if checks.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
             raise ValueError("Cone(root_radius=0, tip_radius=0) has no section left; at most one end may be a point.")
         self.root_radius, self.tip_radius = root, tip
@@ -148,10 +148,10 @@ class Table(AbstractSection):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
-        self.positions = checks.numbers("Table(positions=)", positions, "two positions in m or more")
+        self.positions = checks.numbers("Table(positions=)", positions, "two positions in m or more", "m")
         size = self.positions.shape
         name, measured = ("radii", radii) if areas is None else ("areas", areas)
-        measured = checks.number(f"Table({name}=)", measured, size)
+        measured = checks.number(f"Table({name}=)", measured, size, "m" if areas is None else "m^2")
         if size[0] < 2:
             raise ValueError(f"Table(positions=) holds {size[0]} points; give at least two, root and tip.")
         if checks.fails(lambda s: np.diff(s) > 0, self.positions):
@@ -239,16 +239,17 @@ class Profile(AbstractSection):
         return self(s)
 
 
-def profile(name: str, value: Any, unit: str) -> Any:
+def profile(name: str, value: Any, unit: str, what: str | None = None) -> Any:
     """A positive number, or a function of s with its breaks."""
     if isinstance(value, Profile):
         return value
     if callable(value):
         return Profile(value, getattr(value, "breaks", ()))
-    return checks.positive(name, value, unit)
+    return checks.positive(name, value, unit, what)
 
 
 def _increasing(breaks) -> tuple[float, ...]:
+    breaks = units.plain("breaks", breaks, "m")
     try:
         if isinstance(breaks, str | dict | set):
             raise TypeError

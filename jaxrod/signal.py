@@ -72,7 +72,7 @@ class Record(AbstractSignal):
     coefficients: Float[Array, "K-1 6 *D"]  # of the time since the last sample over the distance of the two
 
     def __init__(self, times, samples):
-        times = checks.numbers("Record(times=)", times, "times in s")
+        times = checks.numbers("Record(times=)", times, "times in s", "s")
         if times.size < 2:
             raise ValueError(f"Record(times={checks.shown(times)}) holds one time; give two or more.")
         if checks.fails(lambda t: np.diff(t) > 0, times):
@@ -80,7 +80,7 @@ class Record(AbstractSignal):
             raise ValueError(
                 f"Record(times=) must increase, but times[{first}]={times[first]:.9g} is followed by {times[first + 1]:.9g}."
             )
-        samples = checks.reals("Record(samples=)", samples)
+        samples = checks.reals("Record(samples=)", samples, None)
         shape = samples.shape
         if len(shape) not in (1, 2) or shape[0] != times.size:
             raise ValueError(
@@ -126,9 +126,11 @@ class Impulse(AbstractSignal):
     width: Float[Array, ""]
 
     def __init__(self, total, start, width):
-        self.total = checks.number("Impulse(total=)", total, checks.reals("Impulse(total=)", total).shape[:1])
-        self.start = checks.number("Impulse(start=)", start)
-        self.width = checks.positive("Impulse(width=)", width, "seconds")
+        self.total = checks.number(
+            "Impulse(total=)", total, checks.reals("Impulse(total=)", total, None).shape[:1], None
+        )
+        self.start = checks.number("Impulse(start=)", start, unit="s")
+        self.width = checks.positive("Impulse(width=)", width, "s", "seconds")
 
     @property
     def knots(self):

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from . import arguments, checks
+from . import arguments, checks, plausibility, precision, units
 from .budget import budgets
 from .chart import AbstractChart
 from .checks import in_type
@@ -34,6 +34,7 @@ from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .result import Result, SimulationError
 from .reversal import reversible
+from .rod import Rod
 from .solution import Solution
 from .stepping import step_through
 from .symplectic import AbstractSymplectic
@@ -101,6 +102,8 @@ def simulate(
     >>> print(jax.vmap(jax.grad(end))(jax.numpy.array([10.0, 15.0])).round(4))
     [0.099  0.0967]
     """
+    in_s = {"ts": ts, "t1": t1, "t0": t0, "dt0": dt0}
+    ts, t1, t0, dt0 = (units.plain(name, time, "s") for name, time in in_s.items())
     if isinstance(tolerance, Plan):
         return _follow(
             tolerance, system, start, t0=t0, ts=ts, t1=t1, chart=chart, solver=solver, dt0=dt0, n_steps=n_steps,
@@ -109,6 +112,7 @@ def simulate(
         )  # fmt: skip
     arguments.check_scene(system, start, chart)
     dtype = checks.float_type(system, start)
+    precision.warn_if_lowered(dtype, system, start)
     system, start = in_type(dtype, (system, start))
     if isinstance(system, System) and isinstance(start, State):
         check_start(system.motion, system.basis.n, start)
@@ -129,7 +133,7 @@ def simulate(
         raise ValueError(
             f"tolerance={checks.brief(tolerance)} chooses solver and steps itself; leave out {', '.join(given)}."
         )
-    asked = arguments.checked_tolerance(tolerance, dtype)
+    asked = arguments.checked_tolerance(tolerance, dtype, (system, start))
     several = isinstance(budget, list | tuple)
     if several and (not budget or any(each is None for each in budget)):
         raise ValueError(
@@ -188,6 +192,7 @@ def simulate(
     solution = _as_asked(solution, system, times, ts, unknown)
     if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
+    _doubt_strain(solution)
     if budget is not None:
         assert isinstance(system, System) and isinstance(start, State)
         if not isinstance(solution.states, State):
@@ -220,6 +225,17 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
     times = arguments.times(others["ts"], others["t1"], others["t0"], others["saveat"], jnp.result_type(float))
     system, start = plan.applied(system, start, others["t0"])
     return simulate(system, start, **plan.steps(system, start, times.start, times.end), **others)
+
+
+def _doubt_strain(solution: Solution) -> None:
+    """Warn of a run that is known to have stretched a rod beyond all that Hooke's law is for."""
+    rod, states = getattr(solution.system, "rod", None), solution.states
+    hooke = isinstance(rod, Rod) and rod.linear and isinstance(states, State)
+    if not hooke or not checks.known(states.amplitudes) or checks.fails(lambda ok: ok, solution.ok):
+        return
+    largest = np.max(np.abs(np.asarray(states.amplitudes)[..., :1]), initial=0.0)
+    if doubt := plausibility.strain(largest, checks.brief(rod.young)):
+        warnings.warn(doubt, stacklevel=3)
 
 
 class Reversible(eqx.Module):

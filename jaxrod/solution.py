@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
-from . import checks
+from . import checks, configuration
 from .chart import Director, Strains
 from .lagrangian import Lagrangian
 from .ledger import Ledger, account
@@ -156,8 +156,8 @@ class Solution(eqx.Module):
         if not checks.known(self.ts) or self.ts.ndim > 1:
             return f"Solution of {self.ts.shape[0]} scenes by {self.method}"
         lines = [
-            f"{self.ts.size} times to t = {self.stats['t_end']:.6g} s by {self.method}, {self.stats['num_steps']} steps: "
-            f"{Result[self.result] if self.event is None or self.event < 0 else f'condition {self.event} of event= ended it'}"
+            f"{self.ts.size} times to t = {self.stats['t_end']:.6g} s by {self.method}, {self.stats['num_steps']} steps "
+            f"in {self._type()}: {self._ended()}"
         ]
         if isinstance(self.states, State):
             for name, unit in (("angle", "rad"), ("strain", ""), ("energy", "J")):
@@ -167,6 +167,14 @@ class Solution(eqx.Module):
         if self.budget is not None:
             lines += map(str, self.budget if isinstance(self.budget, tuple) else [self.budget])
         return "\n".join(lines)
+
+    def _ended(self) -> str:
+        ran_on = self.event is None or self.event < 0
+        return Result[self.result] if ran_on else f"condition {self.event} of event= ended it"
+
+    def _type(self) -> str:
+        forgotten = jnp.result_type(float) == jnp.float32 and not configuration.was_called()
+        return f"{self.ts.dtype}{', as jaxrod.configure() was not called' * forgotten}"
 
     def _left_out(self) -> list[str]:
         """What the model does not have and this motion would have shown."""

@@ -1,13 +1,17 @@
 """States of a scene, from angles, strains and places."""
 
+import warnings
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from . import checks
 from .motion import Driven, Flight, State, heading
+
+_MANY_RADIANS = 10.0  # beyond which an angle that is a multiple of five is taken for degrees
 
 
 def started(
@@ -27,7 +31,8 @@ def started(
                 f"{name}={checks.given(value)} has no meaning for {kind}(); leave it out or take motion={needed}."
             )
     if isinstance(system.motion, Driven):
-        if any(checks.fails(lambda x: x == 0, checks.number("angle, rate", x)) for x in (angle, rate)):
+        held = [checks.number("angle", angle, unit="rad"), checks.number("rate", rate, unit="rad/s")]
+        if any(checks.fails(lambda x: x == 0, x) for x in held):
             raise ValueError(
                 f"angle={checks.brief(angle)}, rate={checks.brief(rate)}: Driven() prescribes the rotation; leave them out."
             )
@@ -35,14 +40,15 @@ def started(
     numbers = {"angle": angle, "rate": rate}
     if space:
         numbers |= {"azimuth": _or_zero(azimuth), "azimuth_rate": _or_zero(azimuth_rate)}
-    given = {name: checks.number(name, value) for name, value in numbers.items()}
+    given = {name: checks.number(name, x, unit="rad/s" if "rate" in name else "rad") for name, x in numbers.items()}
+    _check_degrees({name: given[name] for name in ("angle", "azimuth") if name in given})
     strains = {
-        "amplitudes": _amplitudes(system, "strain", strain, "amplitudes", amplitudes),
-        "amplitude_rates": _amplitudes(system, "strain_rate", strain_rate, "amplitude_rates", amplitude_rates),
+        "amplitudes": _amplitudes(system, "strain", strain, "amplitudes", amplitudes, ""),
+        "amplitude_rates": _amplitudes(system, "strain_rate", strain_rate, "amplitude_rates", amplitude_rates, "1/s"),
     }
     _check_strain(system, strains["amplitudes"])
-    place = {"center": center, "center_velocity": center_velocity} if flight else {}
-    place = {name: checks.number(name, _or_zero(value, (0.0, 0.0)), (2,)) for name, value in place.items()}
+    place = {"center": (center, "m"), "center_velocity": (center_velocity, "m/s")} if flight else {}
+    place = {name: checks.number(name, _or_zero(x, (0.0, 0.0)), (2,), unit) for name, (x, unit) in place.items()}
 
     dtype = checks.float_type(system, given, strains, place)
     given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
@@ -50,15 +56,26 @@ def started(
     return State(direction, direction_rate, **strains, turns=turns, **place)
 
 
-def _amplitudes(system: Any, name, uniform, all_name, amplitudes) -> Float[Array, " n"]:
-    n, uniform = system.basis.n, checks.number(name, uniform)
+def _amplitudes(system: Any, name, uniform, all_name, amplitudes, unit) -> Float[Array, " n"]:
+    n, uniform = system.basis.n, checks.number(name, uniform, unit=unit)
     if amplitudes is None:
         if n == 0 and checks.fails(lambda x: x == 0, uniform):
             raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
         return _first_alone(uniform, n)
     if checks.fails(lambda x: x == 0, uniform):
         raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
-    return checks.number(all_name, amplitudes, (n,))
+    return checks.number(all_name, amplitudes, (n,), unit)
+
+
+def _check_degrees(angles: dict[str, Array]) -> None:
+    """Warn of an angle that looks like degrees: nobody starts after several turns by a round number of radians."""
+    for name, angle in angles.items():
+        if checks.fails(lambda x: (np.abs(x) < _MANY_RADIANS) | (x % 5 != 0), angle):
+            warnings.warn(
+                f"{name}={checks.shown(angle)} rad is {float(angle) / (2 * np.pi):.3g} turns; "
+                f"if degrees are meant, give {name}=jnp.deg2rad({checks.shown(angle)}).",
+                stacklevel=5,
+            )
 
 
 def _check_strain(system: Any, amplitudes):

@@ -65,7 +65,8 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
                 f"motion=Driven() turns at {rate:.4g} rad/s under gravity, which then goes round the rod: no rest."
             )
     given = {"angle": angle, "spin": spin, "momentum": momentum}
-    given = {name: checks.number(name, value) for name, value in given.items() if value is not None}
+    in_si = {"angle": "rad", "spin": "rad/s", "momentum": "kg m^2/s"}
+    given = {name: checks.number(name, x, unit=in_si[name]) for name, x in given.items() if x is not None}
     # Searched in JAX's default type, in which Optimistix keeps its own numbers.
     dtype, wide = checks.float_type(system, given), jnp.result_type(float)
     scene, given = checks.in_type(wide, (system, given))

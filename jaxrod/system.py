@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks, energy
+from . import checks, energy, units
 from .axial import Axial
 from .basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
@@ -331,9 +331,10 @@ def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Pr
 
 
 def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
+    gravity = units.plain("gravity", gravity, "m/s^2")
     if np.ndim(gravity) == 0:
-        return checks.not_negative("gravity", gravity, "m/s^2 (or a vector, or None)")
-    return checks.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),))
+        return checks.not_negative("gravity", gravity, "m/s^2", "m/s^2 (or a vector, or None)")
+    return checks.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),), "m/s^2")
 
 
 def _finite(tree) -> Any:

@@ -133,7 +133,7 @@ def tradeoff(
     >>> print(found.reference, len(found.front) > 0)
     the exact rod True
     """
-    seconds = float(checks.positive("seconds", seconds, "seconds of computing"))
+    seconds = float(checks.positive("seconds", seconds, "s", "seconds of computing"))
     arguments.check_known(system, start, "measure one like it by itself", static)
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")

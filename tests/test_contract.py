@@ -367,7 +367,7 @@ def test_print():
     """A few short lines: where it went, how, and what the model leaves out."""
     number = r"-?\d[\d.e+-]*"
     lines = (
-        rf"61 times to t = 0\.2 s by Dopri8, Embedded, \d+ steps: the run reached its end\n"
+        rf"61 times to t = 0\.2 s by Dopri8, Embedded, \d+ steps in float64: the run reached its end\n"
         rf" +angle: {number} \.\. {number} rad\n"
         rf" +strain: {number} \.\. {number}\n"
         rf" +energy: {number} \.\. {number} J\n"

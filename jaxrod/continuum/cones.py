@@ -47,7 +47,7 @@ def free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Floa
 
 
 def _radii(**radii: Any) -> list[Array]:
-    return [checks.not_negative(name, radius, "metres") for name, radius in radii.items()]
+    return [checks.not_negative(name, radius, "m", "metres") for name, radius in radii.items()]
 
 
 @eqx.filter_jit
@@ -69,7 +69,7 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     **Raises:** `ValueError` unless the rod is a `Uniform` or `Cone` of one material, held at its root.
     """
     rod, root, tip = _cone_held_at_root(system)
-    strain, ts = checks.number("strain", strain), checks.numbers("ts", ts, "times in s")
+    strain, ts = checks.number("strain", strain), checks.numbers("ts", ts, "times in s", "s")
     return _release(rod, root, tip, strain, ts, checks.count("n", n, 1, "terms"))
 
 

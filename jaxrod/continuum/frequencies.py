@@ -72,7 +72,7 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     n = checks.count("n", n, 1, "frequencies")
     checks.switch("free", free)
     warn_of_forces("continuum.spinning_frequencies", system)
-    rate, order = checks.number("rate", rate), order_for(rod, pivot, n)
+    rate, order = checks.number("rate", rate, unit="rad/s"), order_for(rod, pivot, n)
     if free:
         return _spinning(rod, pivot, flying, rate, n, order) / (2 * jnp.pi)
     square = _natural(rod, pivot, flying, n, order) ** 2 - rate**2
@@ -95,7 +95,7 @@ def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
     """
     rod, pivot, flying = linear_support(system)
     warn_of_forces("continuum.steady_spin", system)
-    return _steady_tip(rod, pivot, flying, checks.number("rate", rate), order_for(rod, pivot, 1))
+    return _steady_tip(rod, pivot, flying, checks.number("rate", rate, unit="rad/s"), order_for(rod, pivot, 1))
 
 
 @eqx.filter_jit

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import calling, checks
+from .. import calling, checks, precision, units
 from ..force import TipForce
 from ..motion import Driven, State, check_start
 from .compliance import order_for, support
@@ -81,13 +81,13 @@ def simulate(
     dtype = checks.float_type(system, start)
     if dtype != jnp.float64:
         raise ValueError(
-            f"system and start are {dtype}; the exact rod needs float64: call jaxrod.configure() and build them after it."
+            f"system and start are {dtype}; the exact rod needs float64: {precision.remedy(system, start)}."
         )
-    tolerance = checks.positive("tolerance", tolerance, "radians and strains")
+    tolerance = checks.positive("tolerance", tolerance, "", "radians and strains")
     if checks.fails(lambda x: x >= _LEAST, tolerance):
         raise ValueError(f"tolerance={checks.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
-    t0 = jnp.asarray(checks.number("t0", t0), dtype)
-    ts = jnp.asarray(checks.numbers("ts", ts, "times in s"), dtype)
+    t0 = jnp.asarray(checks.number("t0", t0, unit="s"), dtype)
+    ts = jnp.asarray(checks.numbers("ts", ts, "times in s", "s"), dtype)
     if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
         raise ValueError(
             f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
@@ -140,6 +140,7 @@ def converged(
     >>> print(sol.waves.omega.size, bool(sol.error.tip.max() <= 1e-6))
     8 True
     """
+    change = units.plain("change", change, None)
     if checks.fails(lambda x: x > 0, checks.number("change", change)):
         raise ValueError(f"change={checks.brief(change)} must be positive; give it in the unit of quantity.")
     modes, most = checks.count("modes", modes, 2, "modes"), checks.count("most", most, 2, "modes")

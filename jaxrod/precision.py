@@ -1,0 +1,50 @@
+"""Which numbers of a scene decide that it computes in float32, and what to do about it."""
+
+import warnings
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from . import checks, configuration
+
+_NAMED = 3  # numbers in a message
+
+
+def warn_if_lowered(dtype: Any, system: Any, start: Any) -> None:
+    """Warn where a few numbers in float32 have a whole run computed in it, though JAX's default is float64."""
+    if dtype != jnp.float32:
+        return
+    low = _in_float32(system, start)
+    plain = any(getattr(x, "weak_type", isinstance(x, float)) for x in jax.tree.leaves((system, start)))
+    if low and plain:
+        warnings.warn(
+            f"{low} in float32, and so the run is; give Python numbers or float64, or all numbers in float32.",
+            stacklevel=3,
+        )
+
+
+def remedy(system: Any, start: Any) -> str:
+    """What to do so that a scene computes in float64."""
+    low = _in_float32(system, start)
+    return f"{low} in float32, so give Python numbers or float64" if low else configuration.remedy_of_float32()
+
+
+def _in_float32(system: Any, start: Any) -> str:
+    """The known numbers in float32 although JAX's default is float64, as the subject of a sentence.
+
+    The start only where it is alone: a state takes the type of its system.
+    """
+    if jnp.result_type(float) == jnp.float32:
+        return ""
+    leaves = jax.tree_util.tree_leaves_with_path(system)
+    low = [jax.tree_util.keystr(path, simple=True, separator=".") for path, x in leaves if _is_low(x)]
+    if not low:
+        return "start is" if any(map(_is_low, jax.tree.leaves(start))) else ""
+    few = [*low[:_NAMED], *["others"] * (len(low) > _NAMED)]
+    return f"{', '.join(few[:-1])} and {few[-1]} are" if few[1:] else f"{few[0]} is"
+
+
+def _is_low(x: Any) -> bool:
+    return checks.known(x) and getattr(x, "dtype", None) == np.float32 and not getattr(x, "weak_type", False)
