@@ -21,7 +21,7 @@ from .system import System
 
 INSTANTS = 4097
 _PARTS = 16  # of the activity, between which steps end
-_SHARE = 0.3  # of its largest size, by which a load may change in a step: 13 steps for a period of a sine
+_SHARE = 0.1  # of its largest size, by which a load may change in a step: 40 steps for a period of a sine
 _COMES_AND_GOES = 1.5  # activity within one step that hides a pulse in it
 
 

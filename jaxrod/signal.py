@@ -7,6 +7,7 @@ They are found in the fields of a scene, in modules of its user, and in what its
 
 import abc
 import functools
+import math
 import types
 from typing import Any
 
@@ -20,6 +21,7 @@ from .lanes import Undivided
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
 _ROUGH = 20.0  # times as rough as another, a stencil is left for it: it lies across a jump
+_TORN = 0.5  # fourth difference over the first ones beside, above which no stencil is smooth
 _PULSE = 64  # steps in an `Impulse`, at least
 _NO_USERS = {"jax", "jaxlib", "numpy", "equinox", "diffrax", "interpax", "optimistix", "lineax", "jaxrod", "builtins"}
 
@@ -179,7 +181,8 @@ def _derivatives(times, samples) -> tuple[Float[Array, "K *D"], Float[Array, "K 
         differences = jnp.diff(differences, axis=0) / _beside(times[k:] - times[:-k], differences[1:])
         newton.append(differences[: first.size])
     span = _beside(times[first + size - 1] - times[first], samples)
-    rough = _sizes(newton[-1] * span ** (size - 1)) / (size - 1) ** (size - 1)
+    even = math.factorial(size - 1) / (size - 1) ** (size - 1)  # makes it the plain difference of even samples
+    rough = _sizes(newton[-1] * span ** (size - 1)) * even
 
     middle = jnp.clip(at - size // 2, 0, count - size)
     tried = middle[:, None] + np.array([0, -1, 1, -2, 2])[None, :]
@@ -200,7 +203,7 @@ def _derivatives(times, samples) -> tuple[Float[Array, "K *D"], Float[Array, "K 
     sizes = _sizes(rises)
     nearer = jnp.where(sizes[before] <= sizes[after], before, after)
     straight = rises[nearer] / _beside(jnp.diff(times)[nearer], samples)
-    torn = _beside(rough[picked] > _ROUGH * jnp.maximum(sizes[before], sizes[after]), samples)
+    torn = _beside(rough[picked] > _TORN * jnp.maximum(sizes[before], sizes[after]), samples)
     return jnp.where(torn, straight, slope), jnp.where(torn, 0.0, 2 * half)
 
 

@@ -95,10 +95,10 @@ def test_sweep_of_blows(uniform):
         return {"rate": sol.rate[-1], "result": sol.result}
 
     with pytest.warns(UserWarning, match="1 scenes did not end ok"):
-        out = jaxrod.sweep(rate, jnp.array([3.0, 0.3, 0.03, 1e-3]))
+        out = jaxrod.sweep(rate, jnp.array([3.0, 1.0, 0.3, 1e-3]))
     seen = out["result"] == jaxrod.Result.ok
     np.testing.assert_array_equal(seen, [True, True, True, False])
-    np.testing.assert_allclose(out["rate"][seen], 1 / uniform.moment_of_inertia(), rtol=1e-8)
+    np.testing.assert_allclose(out["rate"][seen], 1 / uniform.moment_of_inertia(), rtol=1e-7)
     assert out["result"][-1] == jaxrod.Result.unseen
 
 
