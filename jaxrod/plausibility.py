@@ -58,7 +58,8 @@ _LARGEST_STRAIN = 15.0  # beyond which nobody means Hooke's law: a metre of jell
 
 def material(young: np.ndarray, density: np.ndarray) -> str:
     """A question on the first point along the rod whose numbers are of no solid, in no consistent system of units."""
-    speed = np.sqrt(young / density)
+    with np.errstate(all="ignore"):
+        speed = np.sqrt(young / density)
     odd = (speed > _FASTEST) | (young > _STIFFEST) | (density < _LIGHTEST) & (speed > _SLOW)
     for dense, least in _SOFTEST:
         odd |= (density >= dense) & (young < least)

@@ -113,7 +113,7 @@ class Rod(eqx.Module):
             raise ValueError(f"Table(positions={positions}) must reach from 0 to length={checks.shown(self.length)} m.")
         if all(map(checks.known, (s, area, modulus, density, self.length))):
             check_positive(s, area, modulus, density, self.length)
-            s, area, modulus, density = map(np.asarray, (s, area, modulus, density))
+            s, area, modulus, density = (np.asarray(x, float) for x in (s, area, modulus, density))
             for doubt in (
                 plausibility.material(modulus, density),
                 plausibility.mass(float(self.length), s, area, density),

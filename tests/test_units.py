@@ -298,6 +298,13 @@ def test_a_slip_is_named(young, density, named):
         _steel(young=young, density=density)
 
 
+def test_numbers_at_the_ends_of_their_type():
+    """They overflow nowhere on the way to a question."""
+    for young, density in ((1e300, 1e-300), (1e-300, 1e4)):
+        with pytest.warns(UserWarning, match="wave speed"):
+            _steel(young=young, density=density)
+
+
 def test_a_slip_in_a_part_of_the_rod():
     with pytest.warns(UserWarning, match="beyond any solid"):
         _steel(young=jaxrod.Steps([0.5], [2e11, 2e14]), density=jaxrod.Steps([0.5], [7800.0, 7800.0]))
