@@ -75,7 +75,11 @@ def look_along(rod: Any, given: Any) -> Resolution:
 
 def check_positive(s: Any, area: Any, modulus: Any, density: Any, length: Any) -> None:
     """Refuse, by `ValueError`, what is not positive and finite at one of the points s (m)."""
-    for name, values, unit in (("section has area", area, "m^2"), ("young is", modulus, "Pa"), ("density is", density, "kg/m^3")):
+    for name, values, unit in (
+        ("section has area", area, "m^2"),
+        ("young is", modulus, "Pa"),
+        ("density is", density, "kg/m^3"),
+    ):
         if checks.fails(lambda x: (x > 0) & np.isfinite(x), values):
             first = int(np.argmin((np.asarray(values) > 0) & np.isfinite(values)))
             raise ValueError(

@@ -53,7 +53,7 @@ def _followed(jaxpr: Any, inputs: list, constants: Any = None) -> tuple[list, fr
             results, compared = _followed(program, each if call else [union] * len(program.invars))
             outputs, found = results if call else outputs, found | compared
         stepped = equation.primitive.name in _STEPPED or any(_exact(x) for x in equation.outvars)
-        if not inner and stepped and _ALONG <= union:
+        if not inner and stepped and union >= _ALONG:
             found |= union - _ALONG
         depends.update(zip(equation.outvars, outputs, strict=True))
     return [of(x) for x in jaxpr.outvars], found

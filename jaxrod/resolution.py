@@ -117,7 +117,9 @@ def _edges(look, start, end, eps: float) -> tuple[np.ndarray, np.ndarray]:
     sizes = np.array(sizes)
     last = np.sum(np.logical_and.accumulate(sizes > 4096 * eps), axis=0)  # steps that tell more than rounding
     panel = np.arange(start.size)
-    shrunk = sizes[np.maximum(last - 3, 0), panel] / np.maximum(sizes[np.maximum(last - 1, 0), panel], eps)  # in two steps
+    shrunk = sizes[np.maximum(last - 3, 0), panel] / np.maximum(
+        sizes[np.maximum(last - 1, 0), panel], eps
+    )  # in two steps
     edge, middle = (low + high) / 2, (start + end) / 2
     inside = np.minimum(edge - start, end - edge) > 1e-6 * (end - start)
     sharp = (last > 3) & (shrunk < 64.0**2) & inside
