@@ -42,15 +42,16 @@ def look_along(rod: Any, given: Any) -> Resolution:
         def look(s: np.ndarray) -> np.ndarray:
             blocks, ones = np.resize(s, (-(-s.size // _BLOCK), _BLOCK)), np.ones(_BLOCK)
             parts = zip(rod.parts, known, strict=True)
-            profiles = [[_values(part, length, s) if ok else ones for s in blocks] for part, ok in parts]
+            profiles = [[np.asarray(_values(part, length, s)) if ok else ones for s in blocks] for part, ok in parts]
             area, modulus, density = (np.concatenate(values)[: s.size] for values in profiles)
             check_positive(s, area, modulus, density, length)
             return np.stack(_integrands(s / length, area, modulus, density, pointed))
 
         pointed = np.zeros(2, bool)
         if known[0]:
-            at_ends = _values(rod.section, length, np.resize([0.0, length], _BLOCK))[:2]
-            pointed = at_ends <= _POINT * np.max(_values(rod.section, length, np.linspace(0.0, length, _BLOCK)))
+            whole = np.resize(np.linspace(0.0, length, 17), _BLOCK)
+            area = np.asarray(_values(rod.section, length, whole))[:17]
+            pointed = area[[0, -1]] <= _POINT * np.max(area)
         knots = jax.lax.stop_gradient(rod.section.knots(jnp.asarray(length)))
         knots = np.asarray(knots, float) if checks.known(knots) else np.zeros(0)
         inner = np.concatenate([rod.breaks, knots])

@@ -24,8 +24,9 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     """Axial natural frequencies in Hz, ascending, at rest and without gravity: one for each strain shape.
 
     For uniform strain sqrt(c l0^2 / I) / 2 pi; a rigid rod has none.  Shapes on a piece of no length, where the pivot
-    lies on an end, have inf (and no derivative by that pivot).  Differentiable in every number of the rod.  Forces are
-    left out: for a scene with a spring take `jaxrod.modes(system)`.
+    lies on an end, have inf.  Differentiable in every number of the rod and in the pivot; by a pivot on an end, on a break
+    where rigidity or mass per length jump, and for shapes that belong to pieces on any break, the derivative is NaN.
+    Forces are left out: for a scene with a spring take `jaxrod.modes(system)`.
 
     **Warns** for a rod so thick that lateral inertia, which the model leaves out, matters: by 1 % or more.  Warns of
     forces that change the axial stiffness, but not under `jit`, `vmap` or `grad`.
@@ -59,8 +60,7 @@ def _natural_frequencies(system):
     frequencies = _frequencies_of(system.body, system.basis.n)
     if not isinstance(system.rod, Rod) or system.basis.n == 0:
         return frequencies, None
-    s, _ = system.rod.quadrature()
-    square = jnp.mean(system.rod.area(s)) / np.pi
+    square = system.rod.volume / system.rod.length / np.pi
     return frequencies, (np.pi * frequencies[0] / system.rod.wave_speed) ** 2 * square / 4
 
 

@@ -36,9 +36,15 @@ class Rod(eqx.Module):
       centre, or None for a point.
     - `law`: strain energy over E as a function of strain, such as `jaxrod.law.neo_hookean`; Hooke's law if left out.
 
-    **Raises:** `ValueError` for a number that is not positive and finite, and for a section, modulus or density that
-    vanishes inside the rod.  **Warns** when `young` and `density` are of no solid and of no consistent system of units, or
-    the rod weighs more than 1e8 kg, and names the unit that would explain it.
+    A bare function of s is looked at, 4096 points on each piece between its breaks, and panels of quadrature are refined
+    until mass, inertia, stiffness, compliance and frequencies stand still; jumps and kinks are found.  Where the function
+    or the length is traced (but for a derivative alone) nothing can be refined: eight panels are taken, and where they are
+    wrong by 1e-6 or more all integrals and frequencies are NaN, and runs end `invalid`.
+
+    **Raises:** `ValueError` for a number that is not positive and finite, for a section, modulus or density that vanishes
+    inside the rod, and for a jump in a function whose place is differentiated (under `jit` that derivative is NaN).
+    **Warns** where no panels resolve a function: `breaks=` of `Profile` helps; and when `young` and `density` are of no
+    solid and of no consistent system of units, or the rod weighs more than 1e8 kg, naming the unit that would explain it.
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
@@ -198,7 +204,8 @@ class Rod(eqx.Module):
     def _jumping(self) -> Bool[Array, " breaks"]:
         """Whether rigidity or mass per length jump at the breaks, or have but a kink there."""
         eps, kinks = float(jnp.finfo(self.length.dtype).eps), jnp.asarray(self.breaks, self.length.dtype)
-        beside = kinks + 64 * eps * self.length * np.array([[-1.0], [1.0]])
+        step = 64 * eps * self.length
+        beside = jnp.stack([kinks - step, kinks + step])
         along = jnp.stack([x(beside) * self.area(beside) for x in (self.modulus, self.mass_density)])
         return jnp.any(jnp.abs(along[:, 1] / along[:, 0] - 1) > max(1e-6, 4096 * eps), axis=0)
 

@@ -22,7 +22,8 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
 
     Unstressed, without spin, gravity and forces; to 1e-10 or better.  A pivot inside the rod holds both its parts: the
     frequencies are those of the two together.  In flight the rod is free at both ends.  Differentiable in every number
-    of the rod and in the pivot, forward and reverse, where frequencies coincide too.
+    of the rod and in the pivot, forward and reverse, where frequencies coincide too; by a pivot on a break where rigidity or
+    mass per length jump it is NaN.
 
     **Raises:** `ValueError` for a `Lumped` body and for n that is not a whole number >= 1.  **Warns** of forces that change
     the axial stiffness, such as a spring at the tip, but not under `jit`, `vmap` or `grad`; `jaxrod.modes` takes them.
