@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -44,8 +45,15 @@ def _try_forces(motion, basis, forces, body) -> None:
     """Each is tried at t = 0 in a state that moves in every way."""
     along, across = np.eye(2, motion.dimension)
     strain = np.full(basis.n, 0.01)
-    flying = (along, across) if isinstance(motion, Flight) else (None, None)
-    t, state = np.zeros(()), State(along, across, strain, strain, np.zeros(()), *flying)
+    moving: Any = (
+        along,
+        across,
+        strain,
+        strain,
+        np.zeros(()),
+        *((along, across) if isinstance(motion, Flight) else ()),
+    )
+    t, state = np.zeros(()), State(*moving)
     for force in forces:
         force.try_out(t, state, lambda force=force: _try_power(force, t, state, body))
         if isinstance(force, KelvinVoigt) and (basis.n == 0 or isinstance(basis, QuasiStatic)):

@@ -118,13 +118,11 @@ class Solution(eqx.Module):
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
-        states = self._state
-        return self._each(jax.tree_util.Partial(_shape, checks.along("s", s, self.system.rod.length)), states)
+        return self._each(jax.tree_util.Partial(_shape, self._along(s)), self._state)
 
     def strain_field(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points"]:
         """Strain at the material points s (m)."""
-        states = self._state
-        return self._each(jax.tree_util.Partial(_strain_field, checks.along("s", s, self.system.rod.length)), states)
+        return self._each(jax.tree_util.Partial(_strain_field, self._along(s)), self._state)
 
     @property
     def _state(self) -> State:
@@ -134,6 +132,10 @@ class Solution(eqx.Module):
                 "fn= of saveat= returned."
             )
         return self.states
+
+    def _along(self, s: Any) -> Float[Array, " points"]:
+        assert isinstance(self._state, State) and isinstance(self.system, System)
+        return checks.along("s", s, self.system.rod.length)
 
     def _each(self, quantity: Callable, states: Any) -> Array:
         return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states)
@@ -146,9 +148,9 @@ class Solution(eqx.Module):
         longest = np.nanmin(self.stats.get("longest_step", np.inf))
         if np.isfinite(longest) and np.any(np.atleast_1d(self.result == Result.coarse)):
             where += f"; the longest step that can be stable is {longest:.4g} s"
-        stopped = bad.size == 1 and self.result == Result.max_steps and isinstance(self.system, System)
-        if stopped and self.system.forces and _overdamped(self.system, self.start):
-            chart = "" if isinstance(self.system.motion, Driven) else ", chart=jaxrod.Director()"
+        system, stopped = self.system, bad.size == 1 and bool(np.all(self.result == Result.max_steps))
+        if stopped and isinstance(system, System) and system.forces and _overdamped(system, self.start):
+            chart = "" if isinstance(system.motion, Driven) else ", chart=jaxrod.Director()"
             where += f"; damping is stiffer than any vibration: take solver=diffrax.Kvaerno5(){chart}"
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 

@@ -23,7 +23,8 @@ def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[A
 
     **Raises:** `ValueError` for radii that are negative, and for n that is not a whole number >= 1.
     """
-    return _held_free(*_radii(held=held, free=free), checks.count("n", n, 1, "roots"))
+    held, free = _radii(held=held, free=free)
+    return _held_free(held, free, checks.count("n", n, 1, "roots"))
 
 
 @eqx.filter_jit
@@ -43,7 +44,8 @@ def free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Floa
 
     **Raises:** `ValueError` for radii that are negative, and for n that is not a whole number >= 1.
     """
-    return _free_free(*_radii(first=first, second=second), checks.count("n", n, 1, "roots"))
+    first, second = _radii(first=first, second=second)
+    return _free_free(first, second, checks.count("n", n, 1, "roots"))
 
 
 def _radii(**radii: Any) -> list[Array]:
