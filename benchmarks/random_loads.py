@@ -29,6 +29,7 @@ import numpy as np  # noqa: E402
 import random_extremes  # noqa: E402
 import report  # noqa: E402
 
+Partial: Any = jax.tree_util.Partial
 PROMISE, TIGHT, APART, SHIFT = 1e-8, 1e-11, 1e-12, 1e-9
 SAVED = 8
 SAMPLES = 401  # of a record: read as smoothly as the blow is, to 1e-11
@@ -39,7 +40,8 @@ class Kind(NamedTuple):
     """Scenes of one structure: what they are made of, from numbers `p` and the blow (a function of t); other coordinates."""
 
     name: str
-    build: Callable[[dict, Any], tuple[jaxrod.System, jaxrod.State]]
+    build: Callable[..., tuple[jaxrod.System, jaxrod.State]]
+    forces: Callable
     form: str  # in which the blow is given
     chart: Any
 
@@ -61,7 +63,7 @@ def stepped(p):
 
 
 def rubber(p):
-    return dataclasses.replace(cone(p), law=jax.tree_util.Partial(jaxrod.law.neo_hookean))
+    return dataclasses.replace(cone(p), law=Partial(jaxrod.law.neo_hookean))
 
 
 def _with(rod, motion, basis, **start):
@@ -105,7 +107,7 @@ class Sine(NamedTuple):
 
 def held(function):
     """A function whose numbers are leaves."""
-    return jax.tree_util.Partial(lambda function, *at: function(*at), function)
+    return Partial(lambda function, *at: function(*at), function)
 
 
 def turned(p):
@@ -153,7 +155,7 @@ def shaken(p, blow, unit, rod):
 
 def swaying(p, blow, unit, rod):
     sine = Sine(0.02 * p["length"], p["pace"] / p["unit"], p["t0"])
-    base = jaxrod.ShakenBase(jax.tree_util.Partial(lambda s, t: jnp.stack([s(t), 0.5 * s(t) ** 2]), sine))
+    base = jaxrod.ShakenBase(Partial(lambda s, t: jnp.stack([s(t), 0.5 * s(t) ** 2]), sine))
     return [base, *moment(p, blow, unit, rod)]
 
 
@@ -163,39 +165,47 @@ def hum(p, blow, unit, rod):
 
 def spring(p, blow, unit, rod):
     stiff = 0.1 * unit / p["length"]
-    spring = jax.tree_util.Partial(lambda stiff, t, state: -stiff * state.strain, stiff)
+    spring = Partial(lambda stiff, t, state: -stiff * state.strain, stiff)
     return [jaxrod.TipForce(spring), *moment(p, blow, unit, rod)]
 
 
 def driven(p, blow):
     angle = Sine(0.7, 0.2 * p["pace"] / p["unit"], p["t0"])
-    return jaxrod.Driven(jax.tree_util.Partial(lambda angle, t: angle(t) + 0.1 * (t - angle.since), angle))
+    return jaxrod.Driven(Partial(lambda angle, t: angle(t) + 0.1 * (t - angle.since), angle))
 
 
 NONE, ANGLES, DIRECTOR = None, jaxrod.Angles(), jaxrod.Director()
 KINDS = [
-    Kind("cone, bare blow", _with(cone, at_root, jaxrod.Ritz(1)), "bare", ANGLES),
-    Kind("rigid, record", _with(cone, at_root, jaxrod.Ritz(0)), "record", DIRECTOR),
-    Kind("table with a body, pivot inside, blow", _with(table, inside, jaxrod.Ritz(2)), "impulse", ANGLES),
-    Kind("steps, pull at the tip", _with(stepped, at_root, jaxrod.ForceRitz(2)), "impulse", ANGLES),
+    Kind("cone, bare blow", _with(cone, at_root, jaxrod.Ritz(1)), moment, "bare", ANGLES),
+    Kind("rigid, record", _with(cone, at_root, jaxrod.Ritz(0)), moment, "record", DIRECTOR),
+    Kind("table with a body, pivot inside, blow", _with(table, inside, jaxrod.Ritz(2)), moment, "impulse", ANGLES),
+    Kind("steps, pull at the tip", _with(stepped, at_root, jaxrod.ForceRitz(2)), pull, "impulse", ANGLES),
     Kind(
         "space, leaning gravity, push at the tip",
         _with(cone, in_space, jaxrod.Ritz(1), vector=turned_3),
+        push_3,
         "record",
         DIRECTOR,
     ),
-    Kind("friction, viscosity, blow", _with(cone, at_root, jaxrod.Ritz(1)), "impulse", DIRECTOR),
-    Kind("friction, viscosity, bare blow", _with(table, at_root, jaxrod.Ritz(1)), "bare", DIRECTOR),
-    Kind("neo-Hooke, leaning gravity, hum", _with(rubber, at_root, jaxrod.Ritz(1), vector=turned), "impulse", ANGLES),
-    Kind("shaken by a record", _with(cone, inside, jaxrod.Ritz(1)), "record", ANGLES),
-    Kind("swaying base, bare blow", _with(cone, at_root, jaxrod.Ritz(0)), "bare", DIRECTOR),
-    Kind("spring at the tip, blow", _with(cone, at_root, jaxrod.Ritz(1)), "impulse", ANGLES),
-    Kind("driven, pull at the tip", _with(table, driven, jaxrod.Ritz(2)), "record", NONE),
-    Kind("flight, pull at the tip", _with(cone, lambda p, blow: jaxrod.Flight(), jaxrod.Ritz(1)), "impulse", DIRECTOR),
+    Kind("friction, viscosity, blow", _with(cone, at_root, jaxrod.Ritz(1)), moment_and_friction, "impulse", DIRECTOR),
+    Kind(
+        "friction, viscosity, bare blow", _with(table, at_root, jaxrod.Ritz(1)), moment_and_friction, "bare", DIRECTOR
+    ),
+    Kind(
+        "neo-Hooke, leaning gravity, hum", _with(rubber, at_root, jaxrod.Ritz(1), vector=turned), hum, "impulse", ANGLES
+    ),
+    Kind("shaken by a record", _with(cone, inside, jaxrod.Ritz(1)), shaken, "record", ANGLES),
+    Kind("swaying base, bare blow", _with(cone, at_root, jaxrod.Ritz(0)), swaying, "bare", DIRECTOR),
+    Kind("spring at the tip, blow", _with(cone, at_root, jaxrod.Ritz(1)), spring, "impulse", ANGLES),
+    Kind("driven, pull at the tip", _with(table, driven, jaxrod.Ritz(2)), pull, "record", NONE),
+    Kind(
+        "flight, pull at the tip",
+        _with(cone, lambda p, blow: jaxrod.Flight(), jaxrod.Ritz(1)),
+        pull,
+        "impulse",
+        DIRECTOR,
+    ),
 ]
-FORCES = [
-    moment, moment, moment, pull, push_3, moment_and_friction, moment_and_friction, hum, shaken, swaying, spring, pull, pull,
-]  # fmt: skip
 
 
 def draw(count: int, rng: np.random.Generator) -> dict[str, np.ndarray]:
@@ -232,16 +242,16 @@ def blow(form: str, p) -> Any:
         inside = (t > begin) & (t < begin + width)
         return jnp.where(inside, 1 - jnp.cos(2 * jnp.pi * (t - begin) / width), 0.0)
 
-    return jax.tree_util.Partial(bare, begin, p["width"])
+    return Partial(bare, begin, p["width"])
 
 
-def look(kind: Kind, forces: Callable, p: dict) -> dict:
+def look(kind: Kind, p: dict) -> dict:
     """One scene: how it ended, its error, and how fast neighbours part."""
     ts = p["t0"] + p["duration"] * jnp.linspace(0.0, 1.0, SAVED + 1)[1:]
-    system, start = kind.build(p, blow(kind.form, p), forces)
+    system, start = kind.build(p, blow(kind.form, p), kind.forces)
     run = jaxrod.simulate(system, start, t0=p["t0"], ts=ts, max_steps=2**14)
 
-    known, begun = kind.build(p, blow("impulse", p), forces)
+    known, begun = kind.build(p, blow("impulse", p), kind.forces)
     solver = {"solver": diffrax.Dopri8(), "stepsize_controller": None} if kind.chart is None else {"chart": kind.chart}
 
     def reference(start):
@@ -282,14 +292,12 @@ def main() -> None:
     arguments = parser.parse_args()
     rng, began, rows, totals = np.random.default_rng(arguments.seed), time.perf_counter(), [], np.zeros(3, int)
     each = -(-arguments.scenes // len(KINDS))
-    for kind, forces in zip(KINDS, FORCES, strict=True):
+    for kind in KINDS:
         p = draw(each, rng)
         if arguments.kinds not in kind.name:
             continue
         with report.quiet():
-            found = jaxrod.sweep(
-                lambda p, k=kind, f=forces: look(k, f, p), p, order_by=p["duration"] / p["unit"], progress=False
-            )
+            found = jaxrod.sweep(lambda p, k=kind: look(k, p), p, order_by=p["duration"] / p["unit"], progress=False)
         jax.clear_caches()
         found = {name: np.asarray(x) for name, x in found.items()}
         ok, judged = found["result"] == jaxrod.Result.ok, found["right"] == jaxrod.Result.ok

@@ -229,7 +229,8 @@ def _follow(plan: Plan, system, start, *, solver, n_steps, stepsize_controller, 
 
 def _doubt_strain(solution: Solution) -> None:
     """Warn of a run that is known to have stretched a rod beyond all that Hooke's law is for."""
-    rod, states = getattr(solution.system, "rod", None), solution.states
+    rod: Any = getattr(solution.system, "rod", None)
+    states = solution.states
     hooke = isinstance(rod, Rod) and rod.linear and isinstance(states, State)
     if not hooke or not checks.known(states.amplitudes) or checks.fails(lambda ok: ok, solution.ok):
         return

@@ -208,7 +208,9 @@ def _run(system, start, t0, ts, static, modes, tolerance, error, order, adjoint)
     all_waves = waves(rod, pivot, free, modes, order)
     if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
         kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
-        runs = jax.lax.map(lambda x: _solve(system, all_waves, start, t0, ts, static, *x, adjoint), (kept, tolerances))
+        runs = jax.lax.map(
+            lambda x: _solve(system, all_waves, start, t0, ts, static, x[0], x[1], adjoint), (kept, tolerances)
+        )
         run, coarse = (jax.tree.map(lambda x: x[i], runs) for i in (0, 1))  # noqa: B023
         errors = _difference(run, coarse)
     else:
