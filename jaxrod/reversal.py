@@ -41,14 +41,14 @@ def reversible(tree: Any, times: int, why: str) -> Any:
 
 
 @contextlib.contextmanager
-def forward_refused() -> Iterator[None]:
-    """Says `FORWARD` where JAX would speak of its rules."""
+def forward_refused(why: str = FORWARD) -> Iterator[None]:
+    """Says why where JAX would speak of its rules."""
     try:
         yield
     except TypeError as error:
         if "custom_vjp" not in str(error):
             raise
-        raise ValueError(FORWARD) from None
+        raise ValueError(why) from None
 
 
 def _is_float(x: Any) -> bool:

@@ -111,8 +111,9 @@ def test_no_batched_call(name):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SLOW)
 def test_no_batched_call_of_runs(name):
-    for derivative in (SLOW[name], jax.grad(SLOW[name])):
-        assert not batched(derivative)[0]
+    assert not batched(SLOW[name])[0]
+    if name not in ("implicit", "event"):  # Diffrax differentiates their roots by a solver of its own choice
+        assert not batched(jax.grad(SLOW[name]))[0]
 
 
 @pytest.mark.slow

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from .. import calling, checks, precision, units
 from ..force import TipForce
 from ..motion import Driven, State, check_start
+from ..reversal import forward_refused, reversible
 from .compliance import order_for, support
 from .dynamics import Dynamics
 from .solution import ContinuumSolution, Errors
@@ -26,8 +27,17 @@ from .waves import Waves, waves
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000
 _STABLE = 3.0  # step times the highest frequency, of Dopri8
-# What JAX says of forward mode through a rule of reverse mode, and of reverse mode through a loop.
-_ONE_WAY = ("forward-mode differentiation", "Forward-mode", "everse-mode differentiation")
+_FORWARD = (
+    "a run of the exact rod has no forward derivative by default; give continuum.simulate adjoint=diffrax.ForwardMode(), "
+    "and of second derivatives take both forward: jax.jacfwd(jax.jacfwd(f))"
+)
+_BACKWARD = (
+    "adjoint=diffrax.ForwardMode() has no reverse derivative; take jax.jacfwd or jax.jvp, or leave adjoint= out."
+)
+_ONCE = (
+    "a run of the exact rod has no reverse derivative of a reverse derivative; give continuum.simulate "
+    "adjoint=diffrax.ForwardMode() and take jax.jacfwd(jax.jacfwd(f))."
+)
 _WATCHED, _WATCHES = 32, 1000  # sections, and times between those that are saved, at which strains are looked at
 
 
@@ -97,15 +107,12 @@ def simulate(
     backwards = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     system, start = checks.in_type(dtype, (system, start))
     order = order_for(rod, pivot, modes)
-    try:
+    forwards = isinstance(adjoint, diffrax.ForwardMode)
+    if not forwards:
+        system, start, t0, ts = reversible((system, start, t0, ts), 1, _ONCE)
+    with forward_refused(_FORWARD):
         solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards)
-    except (TypeError, ValueError) as raised:
-        if not any(words in str(raised) for words in _ONE_WAY):
-            raise
-        raise ValueError(
-            f"adjoint={adjoint!r} has no such derivative: give adjoint=diffrax.ForwardMode() for jvp, jacfwd and "
-            "jacfwd(jacfwd(...)), or leave adjoint= out for grad and jacrev, once."
-        ) from None
+    solution = reversible(solution, 0, _BACKWARD) if forwards else solution
     if static and checks.fails(lambda x: x < 0, beyond):
         raise ValueError(
             f"static=True: the start turns at or beyond the critical rate of {float(solution.waves.omega[0]):.6g} rad/s, where "
