@@ -64,7 +64,8 @@ def sweep(
     if not callable(fn):
         raise ValueError(f"fn={checks.given(fn)} is not a function; give one of one input.")
     for leaf in jax.tree.leaves(inputs):
-        if not eqx.is_array_like(leaf) or getattr(leaf, "dtype", np.dtype(float)).kind in "OSU":
+        text = isinstance(leaf, np.ndarray | np.generic) and leaf.dtype.kind in "OSUV"
+        if text or not eqx.is_array_like(leaf):
             raise ValueError(f"inputs holds {checks.given(leaf)}, which is no array of numbers; give arrays.")
     sizes = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(inputs)}
     if len(sizes) != 1 or sizes & {(), (0,)}:
