@@ -15,6 +15,7 @@ from .motion import Driven, State, check_start
 from .multistep import AbstractMultistep
 from .rod import Rod
 from .stepping import LEAST_TOLERANCE
+from .stops import known_knots, since
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .system import check_system as check_is_system
@@ -171,32 +172,14 @@ def knots(system, run: Times, equal: bool, controller, n_steps) -> tuple[Any, An
 
     **Raises:** `ValueError` where steps would pass over a `Record` or an `Impulse`, and where the run is known to leave it.
     """
-    found = system.knots if isinstance(system, System) else None
-    if found is None:
-        return None, None
+    found, unknown = known_knots(system, run.clock, run.start, run.end) if isinstance(system, System) else (None, None)
     adapts = isinstance(controller, diffrax.AbstractAdaptiveStepSizeController)
-    if not equal and (n_steps is not None or (controller is not None and not adapts)):
+    if found is not None and not equal and (n_steps is not None or (controller is not None and not adapts)):
         raise ValueError(
             "n_steps=, dt0= or stepsize_controller= would pass over a Record or an Impulse; leave it out, or give a "
             "controller that adapts."
         )
-    begin = run.start if run.clock is None else run.clock
-    end = run.end if run.clock is None else run.clock + run.end
-    unknown = system.unknown(begin, end)
-    if checks.fails(lambda unknown: ~unknown, unknown):
-        raise ValueError(
-            f"a Record of the scene does not reach over the run, from {checks.shown(begin)} to {checks.shown(end)} s; add "
-            "samples, or of a force one of zero at its end."
-        )
-    found = since(0.0 if run.clock is None else run.clock, found)
-    return jnp.asarray(found, run.end.dtype), None if checks.known(unknown) else unknown
-
-
-def since(t0, ts) -> Any:
-    """Times since t0: of known ones in float64, whatever the type of the run."""
-    if checks.known(t0) and checks.known(ts):
-        return np.asarray(ts, np.float64) - np.asarray(t0, np.float64)
-    return jnp.asarray(ts) - jnp.asarray(t0)
+    return found, unknown
 
 
 def interval(t1, t0) -> tuple[float, float]:

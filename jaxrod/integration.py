@@ -11,7 +11,6 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from . import continuum
-from .arguments import since
 from .basis import QuasiStatic
 from .chart import AbstractChart
 from .defaults import default_chart
@@ -25,7 +24,7 @@ from .result import Result
 from .reversal import ONCE, forward_refused, reversible
 from .rod import Rod
 from .solution import Solution
-from .stops import Stops
+from .stops import Stops, since
 from .symplectic import AbstractSymplectic, SplitTerm
 from .system import System
 from .tracking import Tracked, Tracking
@@ -214,12 +213,9 @@ def _ending_at(stops: Stops, steps: Any, t0, saves: bool) -> Any:
 
     A step that is cut off has no derivative by the place of the cut: its error would be all that is differentiated.
     """
-    ends = jax.lax.stop_gradient(stops.ends)
     if stops.inner is None:
-        return diffrax.ClipStepSizeController(steps, step_ts=ends) if saves else steps
-    double = jnp.diff(ends, prepend=t0) <= 0
-    beyond = ends[-1] + (ends[-1] - t0) * (1 + jnp.arange(ends.size, dtype=ends.dtype))
-    return diffrax.ClipStepSizeController(steps, step_ts=jnp.sort(jnp.where(double, beyond, ends)))
+        return diffrax.ClipStepSizeController(steps, step_ts=jax.lax.stop_gradient(stops.ends)) if saves else steps
+    return diffrax.ClipStepSizeController(steps, step_ts=stops.distinct(t0))
 
 
 def _by_error(system, start, y0, t0, duration, atol, longest) -> diffrax.PIDController:

@@ -5,9 +5,12 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float, Int
 
+from . import checks
 from .preview import Preview
+from .system import System
 
 _BESIDE = 1e-11  # of a run's length, below which a knot counts as a save time
 
@@ -45,3 +48,36 @@ class Stops(eqx.Module):
     def at_saves(self, tree: Any) -> Any:
         """Rows of all ends, at the save times."""
         return tree if self.saves is None else jax.tree.map(lambda x: x[self.saves], tree)
+
+    def distinct(self, t0) -> Float[Array, " E"]:
+        """The ends without derivatives, each once; in place of doubles, times beyond the last."""
+        ends = jax.lax.stop_gradient(self.ends)
+        beyond = ends[-1] + (ends[-1] - t0) * (1 + jnp.arange(ends.size, dtype=ends.dtype))
+        return jnp.sort(jnp.where(jnp.diff(ends, prepend=t0) <= 0, beyond, ends))
+
+
+def known_knots(system: System, clock, start, end) -> tuple[Float[Array, " K"] | None, Any]:
+    """Knots of a scene's `Record`s and `Impulse`s, in s since `clock` (None: as they are); whether a run from `start` to
+    `end`, since then too, leaves a `Record`.  Each None if it is not so.
+
+    **Raises:** `ValueError` where it is known to leave one.
+    """
+    found = system.knots
+    if found is None:
+        return None, None
+    zero = jnp.zeros_like(start) if clock is None else clock
+    begin, end = zero + start, zero + end
+    unknown = system.unknown(begin, end)
+    if checks.fails(lambda unknown: ~unknown, unknown):
+        raise ValueError(
+            f"a Record of the scene does not reach over the run, from {checks.shown(begin)} to {checks.shown(end)} s; add "
+            "samples, or of a force one of zero at its end."
+        )
+    return jnp.asarray(since(zero, found), start.dtype), None if checks.known(unknown) else unknown
+
+
+def since(t0, ts) -> Any:
+    """Times since t0: of known ones in float64, whatever the type of the run."""
+    if checks.known(t0) and checks.known(ts):
+        return np.asarray(ts, np.float64) - np.asarray(t0, np.float64)
+    return jnp.asarray(ts) - jnp.asarray(t0)

@@ -4,6 +4,7 @@
 shares no code with the strain bases: it reads the rod, how it is held, what is prescribed, and the strain of the start.
 """
 
+import dataclasses
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple, cast
@@ -18,7 +19,10 @@ from jaxtyping import Array, Float
 from .. import calling, checks, precision, units
 from ..force import TipForce
 from ..motion import Driven, State, check_start
+from ..preview import preview
+from ..result import Result
 from ..reversal import forward_refused, reversible
+from ..stops import Stops, known_knots
 from .compliance import order_for, support
 from .dynamics import Dynamics
 from .solution import ContinuumSolution, Errors
@@ -110,8 +114,13 @@ def simulate(
     forwards = isinstance(adjoint, diffrax.ForwardMode)
     if not forwards:
         system, start, t0, ts = reversible((system, start, t0, ts), 1, _ONCE)
+    knots, unknown = known_knots(system, None, t0, ts[-1])
     with forward_refused(_FORWARD):
-        solution, beyond = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards)
+        solution, beyond, unseen = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards, knots)
+    if checks.fails(lambda unseen: ~unseen, unseen):
+        warnings.warn(Result.unseen.sentence, stacklevel=2)
+    lost = (False if checks.known(unseen) else unseen) | (False if unknown is None else unknown)
+    solution = dataclasses.replace(solution, ended=solution.ended & jnp.logical_not(lost))
     solution = reversible(solution, 0, _BACKWARD) if forwards else solution
     if static and checks.fails(lambda x: x < 0, beyond):
         raise ValueError(
@@ -210,18 +219,22 @@ class _Run(NamedTuple):
 
 
 @eqx.filter_jit
-def _run(system, start, t0, ts, static, modes, tolerance, error, order, adjoint) -> tuple[ContinuumSolution, Array]:
+def _run(
+    system, start, t0, ts, static, modes, tolerance, error, order, adjoint, knots
+) -> tuple[ContinuumSolution, Array, Array]:  # fmt: skip
     rod, pivot, free = support(system)
     all_waves = waves(rod, pivot, free, modes, order)
+    looked = preview(system, start, t0, ts[-1], knots)
+    stops = Stops.of(t0, ts, knots, looked).distinct(t0)
     if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
         kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
         runs = jax.lax.map(
-            lambda x: _solve(system, all_waves, start, t0, ts, static, x[0], x[1], adjoint), (kept, tolerances)
+            lambda x: _solve(system, all_waves, start, t0, ts, static, x[0], x[1], adjoint, stops), (kept, tolerances)
         )
         run, coarse = (jax.tree.map(lambda x: x[i], runs) for i in (0, 1))  # noqa: B023
         errors = _difference(run, coarse)
     else:
-        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance, adjoint), None
+        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance, adjoint, stops), None
     solution = ContinuumSolution(
         ts,
         run.states,
@@ -238,11 +251,11 @@ def _run(system, start, t0, ts, static, modes, tolerance, error, order, adjoint)
     turning = start.direction_rate @ start.direction_rate
     if isinstance(system.motion, Driven):
         turning = system.motion.turning(t0)[1] ** 2
-    return solution, turning - all_waves.omega[0] ** 2
+    return solution, turning - all_waves.omega[0] ** 2, jnp.asarray(False) if looked is None else looked.unseen
 
 
-def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance, adjoint) -> _Run:
-    """The run with the first `kept` of these waves."""
+def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance, adjoint, stops) -> _Run:
+    """The run with the first `kept` of these waves; a step ends at each of `stops`."""
     waves = all_waves.first(kept)
     gravity = system.gravity
     if gravity is not None and gravity.ndim == 0:
@@ -278,7 +291,9 @@ def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, toleran
         dynamics.encode(t0, start, q, dq),
         saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(ts=times), diffrax.SubSaveAt(ts=between, fn=lowest)]),
         # The steps have no derivative: the clipped ones would be differentiated again and again.
-        stepsize_controller=diffrax.ClipStepSizeController(controller, step_ts=jax.lax.stop_gradient(times)),
+        stepsize_controller=diffrax.ClipStepSizeController(
+            controller, step_ts=(stops - jax.lax.stop_gradient(t0)) * jax.lax.stop_gradient(pace)
+        ),
         adjoint=adjoint,
         max_steps=_STEPS,
         throw=False,
