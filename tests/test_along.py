@@ -317,4 +317,5 @@ def test_too_fast_a_composite_is_warned_of():
 def test_smooth_functions_need_nothing():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        assert rod(lambda s: 1e-3 * jnp.exp(-s)).resolution == Resolution()
+        found = rod(lambda s: 1e-3 * jnp.exp(-s)).resolution
+    assert dataclasses.replace(found, place=0.0) == Resolution()
