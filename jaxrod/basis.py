@@ -56,11 +56,11 @@ class AbstractBasis(eqx.Module):
             return jnp.stack([s] * (self.n + 1))
         pivot = self._held(rod, pivot)
         panels = self._panels(rod, pivot)
-        phi = self._rise(s, pivot)
+        phi, strains = self._rise(s, pivot), self.strains(rod, panels.s, pivot, free)
         if not self._smooth:
-            excess = self._excess(rod, panels, pivot, free)
+            excess = _excess(strains)
             phi = phi.at[1:].add(panels.antiderivative(excess, s) - until(panels, excess, pivot)[:, None])
-        return phi - _mean(rod, panels, self._at_points(rod, panels, pivot, free))[:, None] if free else phi
+        return phi - _mean(rod, panels, self._at_points(rod, panels, pivot, strains))[:, None] if free else phi
 
     def project(self, rod: Rod | Lumped, pivot: Float[Array, ""] | None = None, free: bool = False) -> Projection:
         """The rod held at `pivot` (m from the root; None: the root itself), or free."""
@@ -69,9 +69,9 @@ class AbstractBasis(eqx.Module):
         pivot = self._held(rod, pivot)
         panels = self._panels(rod, pivot)
         s, ds = panels.s, panels.ds
-        phi = self._at_points(rod, panels, pivot, free)
-        phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
         strains = self.strains(rod, s, pivot, free)
+        phi = self._at_points(rod, panels, pivot, strains)
+        phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
         rigidity = rod.modulus(s) * rod.area(s) * ds
         mass = lumped_mass(rod, panels)
         masses = (phi * mass[None, :]) @ phi.T
@@ -107,16 +107,12 @@ class AbstractBasis(eqx.Module):
         arm = s if pivot is None else s - pivot
         return jnp.stack([arm, arm, *[jnp.zeros_like(arm)] * (self.n - 1)][: self.n + 1])
 
-    def _excess(self, rod: Rod, panels: Panels, pivot, free) -> Float[Array, "n points"]:
-        """What the strains have beyond the uniform one; only that is integrated, so that uniform is exact."""
-        return self.strains(rod, panels.s, pivot, free).at[0].add(-1.0)
-
-    def _at_points(self, rod: Rod, panels: Panels, pivot, free) -> Float[Array, "n+1 points+1"]:
-        """phi_0 .. phi_n, zero at the pivot, at the points of the panels and last at the tip."""
+    def _at_points(self, rod: Rod, panels: Panels, pivot, strains) -> Float[Array, "n+1 points+1"]:
+        """phi_0 .. phi_n, zero at the pivot, at the points of the panels and last at the tip; `strains` at the points."""
         phi = self._rise(jnp.concatenate([panels.s, rod.length[None]]), pivot)
         if self._smooth:
             return phi
-        excess = self._excess(rod, panels, pivot, free)
+        excess = _excess(strains)
         gained = jnp.concatenate([panels.running(excess), (excess @ panels.ds)[:, None]], axis=1)
         return phi.at[1:].add(gained - until(panels, excess, pivot)[:, None])
 
@@ -322,6 +318,11 @@ def _by_degree(n: int, ends, pieces: int, s, shapes: list, polynomials) -> Float
     if count:
         found = jnp.concatenate([found, jnp.stack(by_piece, axis=1).reshape(-1, s.size)])
     return found[:n]
+
+
+def _excess(strains: Float[Array, "n points"]) -> Float[Array, "n points"]:
+    """What the strains have beyond the uniform one; only that is integrated, so that uniform is exact."""
+    return strains.at[0].add(-1.0)
 
 
 def until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:

@@ -4,6 +4,7 @@ import functools
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -85,9 +86,19 @@ def local(s: Any, start: Any, end: Any) -> Any:
     return jnp.where(empty, 0.0, (2 * s - start - end) / jnp.where(empty, 1.0, end - start))
 
 
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def legendre(degree: int, x: Float[Array, "*points"]) -> Float[Array, "degree+1 *points"]:
     """The Legendre polynomials P_0 .. P_degree at x, by Bonnet's recurrence."""
     p = [jnp.ones_like(x), x]
     for k in range(1, degree):
         p.append(((2 * k + 1) * x * p[k] - k * p[k - 1]) / (k + 1))
     return jnp.stack(p[: degree + 1])
+
+
+@legendre.defjvp
+def _legendre_jvp(degree, primals, tangents):
+    """P_k' is a sum of the P of lower degrees; XLA needs minutes for the recurrence backwards."""
+    (x,), (dx,) = primals, tangents
+    p = legendre(degree, x)
+    slopes = np.polynomial.legendre.legder(np.eye(degree + 2))[:, :-1].T
+    return p, jnp.tensordot(jnp.asarray(slopes, p.dtype), p, 1) * dx[None]
