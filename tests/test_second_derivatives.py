@@ -13,6 +13,7 @@ NESTED = {
     "forward over reverse": lambda f: jax.jacfwd(jax.jacrev(f)),
     "reverse over reverse": lambda f: jax.jacrev(jax.jacrev(f)),
 }
+SOME = ["forward over forward", "forward over reverse"]  # of equilibria: reverse over reverse takes minutes to compile
 nested = pytest.mark.parametrize("second", NESTED.values(), ids=NESTED.keys())
 
 
@@ -29,6 +30,12 @@ def check(f, x, h, rtol=1e-6, nestings=NESTED):
     for name in nestings:
         found = jax.jit(NESTED[name](f))(x)
         np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * np.abs(expected).max(), err_msg=name)
+
+
+def test_sag_quickly():
+    """rho g L / 2 E."""
+    sag = jax.jacfwd(jax.jacfwd(lambda young: jaxrod.equilibrium(scene(young, gravity=9.81)).strain))
+    assert float(sag(1e5)) == pytest.approx(1200 * 9.81 / 1e15, rel=1e-9)
 
 
 @pytest.mark.slow
@@ -69,7 +76,7 @@ def test_an_equilibrium_under_a_force_whose_strength_hides_in_a_function():
         force = jaxrod.TipForce(lambda t, state: c * state.strain**2)
         return jaxrod.equilibrium(scene(1e5, gravity=9.81, forces=[force])).strain
 
-    check(strain, 100.0, 1.0)
+    check(strain, 100.0, 1.0, nestings=SOME)
 
 
 SPUN = {
@@ -93,13 +100,47 @@ def cone_of(x, **given):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SPUN)
 def test_spinning_equilibria(name):
-    check(SPUN[name], 1.0, 1e-4)
+    check(SPUN[name], 1.0, 1e-4, nestings=SOME)
+
+
+def spring(x):
+    return jaxrod.TipForce(lambda t, state: -20.0 * x**2 * state.strain)
+
+
+def forced(x, motion=None, **given):
+    """Angle and strain of a rod with a spring along it."""
+    motion = motion or jaxrod.Spherical()
+    gravity = 9.81 if isinstance(motion, jaxrod.Spherical) else None
+    state = jaxrod.equilibrium(scene(1e5, motion, gravity=gravity, forces=[spring(x)]), **given)
+    return jnp.stack([state.angle, state.strain])
+
+
+def pulled_aside(x):
+    system = scene(1e5, gravity=9.81, forces=[jaxrod.TipForce(jnp.stack([3.0 * x**2, x]))])
+    state = jaxrod.equilibrium(system)
+    return jnp.stack([state.angle, state.strain])
+
+
+FORCED = {
+    "spin": lambda x: forced(x, jaxrod.Rotation(), spin=3.0 * x),
+    "momentum": lambda x: forced(x, jaxrod.Rotation(), momentum=2.0 * x),
+    "flight": lambda x: forced(x, jaxrod.Flight(), spin=3.0 * x),
+    "space": lambda x: forced(x, spin=6.0 * x),
+    "momentum in space": lambda x: forced(x, momentum=4.0 * x),
+    "pulled aside": pulled_aside,
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FORCED)
+def test_equilibria_under_forces(name):
+    check(FORCED[name], 1.0, 1e-4, nestings=["forward over reverse"])
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("given", [{"spin": 6.0}, {"momentum": 4.0}])
 def test_the_conical_pendulum(given):
-    check(lambda x: cone_of(jnp.stack([x, x**2]), **given), 1.0, 1e-4)
+    check(lambda x: cone_of(jnp.stack([x, x**2]), **given), 1.0, 1e-4, nestings=SOME)
 
 
 @pytest.mark.slow
@@ -124,6 +165,19 @@ def test_modes_of_a_spinning_viscous_rod():
         system = scene(1e6 * x, jaxrod.Spherical(), jaxrod.Ritz(1), gravity=9.81, forces=[jaxrod.KelvinVoigt(1e-4)])
         modes = jaxrod.modes(system, jaxrod.equilibrium(system, spin=8.0))
         shapes = jnp.abs(jnp.concatenate([modes.direction[1:].ravel(), modes.amplitudes[1:].ravel()]))
+        return jnp.concatenate([modes.frequency, modes.growth, shapes])
+
+    check(numbers, 1.0, 1e-4, rtol=1e-5, nestings=["forward over forward"])
+
+
+@pytest.mark.slow
+def test_modes_of_a_rod_that_hangs_with_spring_and_friction():
+    """Frequencies, growth and shapes, which are complex: what rubs is out of step."""
+
+    def numbers(x):
+        forces = [jaxrod.KelvinVoigt(1e-3 * x), jaxrod.PivotFriction(0.1), spring(x)]
+        modes = jaxrod.modes(scene(1e6 * x, basis=jaxrod.Ritz(2), gravity=9.81, forces=forces))
+        shapes = jnp.abs(jnp.concatenate([modes.direction.ravel(), modes.amplitudes.ravel()]))
         return jnp.concatenate([modes.frequency, modes.growth, shapes])
 
     check(numbers, 1.0, 1e-4, rtol=1e-5, nestings=["forward over forward"])
@@ -176,6 +230,7 @@ EXACT = {
     "spinning": lambda x: jaxrod.continuum.spinning_frequencies(scene(1e5), 5.0 * x, 2),
     "spinning freely": lambda x: jaxrod.continuum.spinning_frequencies(scene(1e5 * x), 5.0 * x**2, 2, free=True),
     "steady": lambda x: jaxrod.continuum.steady_spin(scene(1e5 * x), 5.0 * x**2),
+    "quick rungs": lambda x: jaxrod.natural_frequencies(scene(1e7 * x, jaxrod.Rotation(0.3 * x), jaxrod.Ritz(2))),
     "rungs": lambda x: jaxrod.natural_frequencies(scene(1e7, jaxrod.Rotation(0.3 * x), jaxrod.Ritz(4))),
     "rung's critical": lambda x: jaxrod.critical_rate(scene(1e7 * x, jaxrod.Rotation(0.3 * x), jaxrod.Ritz(3))),
     "bending": lambda x: jaxrod.model_limits(scene(1e7, jaxrod.Rotation(0.3 * x))).bending_frequencies,
@@ -184,6 +239,9 @@ EXACT = {
 TABLE_LONG = jaxrod.Table([0.0, 0.6, 2.0], radii=[0.02, 0.03, 0.01])
 
 
-@pytest.mark.parametrize("name", EXACT)
+LONG = ("length", "rungs", "rung's critical")
+
+
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.slow] * (name in LONG)) for name in EXACT])
 def test_frequencies_by_what_moves_them(name):
     check(EXACT[name], 1.0, 1e-4, rtol=1e-5)
