@@ -71,7 +71,8 @@ class Record(AbstractSignal):
 
     times: Float[Array, " K"]
     samples: Float[Array, "K *D"]
-    coefficients: Float[Array, "K-1 6 *D"]  # of the time since the last sample over the distance of the two
+    slopes: Float[Array, "K *D"]
+    curvatures: Float[Array, "K *D"]
 
     def __init__(self, times, samples):
         times = checks.numbers("Record(times=)", times, "times in s", "s")
@@ -89,7 +90,8 @@ class Record(AbstractSignal):
                 f"Record(samples=) has shape {shape} for {times.size} times; give one number, or one row, for each."
             )
         samples = checks.number("Record(samples=)", samples, shape)
-        self.times, self.samples, self.coefficients = times, samples, _quintics(times, samples)
+        self.times, self.samples = times, samples
+        self.slopes, self.curvatures = _derivatives(times, samples)
 
     @property
     def knots(self):
@@ -100,12 +102,17 @@ class Record(AbstractSignal):
 
     def __call__(self, t, state=None):
         t = jnp.asarray(t, self.times.dtype)
-        piece = jnp.searchsorted(self.times, t, side="right", method="scan_unrolled") - 1
-        piece = jnp.clip(piece, 0, self.times.size - 2)
-        begin, end = self.times[piece], self.times[piece + 1]
-        x, value = (t - begin) / (end - begin), jnp.zeros(())
-        for power in reversed(range(6)):
-            value = value * x + self.coefficients[piece, power]
+        # Compared with all of them: a search, unrolled into every stage of a step, takes XLA far longer to compile.  And
+        # no table of coefficients, which XLA computes anew wherever it is looked up.
+        piece = jnp.clip(jnp.sum(self.times <= t) - 1, 0, self.times.size - 2)
+        h = self.times[piece + 1] - self.times[piece]
+        x = (t - self.times[piece]) / h
+        here, rise = self.samples[piece], self.samples[piece + 1] - self.samples[piece]
+        v, w = h * self.slopes[piece], h * self.slopes[piece + 1]
+        a, b = h**2 * self.curvatures[piece] / 2, h**2 * self.curvatures[piece + 1] / 2
+        cubic, quartic = 10 * rise - 6 * v - 4 * w - 3 * a + b, -15 * rise + 8 * v + 7 * w + 3 * a - 2 * b
+        quintic = 6 * rise - 3 * v - 3 * w - a + b
+        value = here + x * (v + x * (a + x * (cubic + x * (quartic + x * quintic))))
         return jnp.where((t >= self.times[0]) & (t <= self.times[-1]), value, 0.0)
 
 
@@ -145,25 +152,6 @@ class Impulse(AbstractSignal):
         x = (jnp.asarray(t, self.width.dtype) - self.start) / self.width
         pulse = jnp.where((x > 0) & (x < 1), 1 - jnp.cos(2 * jnp.pi * x), 0.0)
         return self.total / self.width * pulse
-
-
-def _quintics(times: Float[Array, " K"], samples: Float[Array, "K *D"]) -> Float[Array, "K-1 6 *D"]:
-    """Value, slopes and curvatures of both ends as the polynomial between them, of x from 0 to 1."""
-    slopes, curvatures = _derivatives(times, samples)
-    h = _beside(jnp.diff(times), samples)
-    here, there = samples[:-1], samples[1:]
-    v, w = h * slopes[:-1], h * slopes[1:]
-    a, b = h**2 * curvatures[:-1] / 2, h**2 * curvatures[1:] / 2
-    rise = there - here
-    return jnp.stack(
-        [
-            here, v, a,
-            10 * rise - 6 * v - 4 * w - 3 * a + b,
-            -15 * rise + 8 * v + 7 * w + 3 * a - 2 * b,
-            6 * rise - 3 * v - 3 * w - a + b,
-        ],
-        axis=1,
-    )  # fmt: skip
 
 
 def _derivatives(times, samples) -> tuple[Float[Array, "K *D"], Float[Array, "K *D"]]:
