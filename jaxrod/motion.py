@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks
+from . import calling, checks, units
 from .signal import beyond, kinked, on_clock, signals, twice
 
 
@@ -239,7 +239,8 @@ def _inside(pivot):
     if pivot is None:
         return None
     place = checks.not_negative("pivot", pivot, "m", "metres from the root")
-    return place if checks.fails(lambda s: s == 0, place) or not checks.known(place) else None
+    given = units.plain("pivot", pivot, "m")  # under jit even a known number is traced, once it is an array
+    return None if checks.known(given) and not np.any(np.asarray(given)) else place
 
 
 def check_start(motion: AbstractMotion, n: int, start: State) -> None:
