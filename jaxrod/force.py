@@ -23,7 +23,7 @@ from . import calling, checks, units
 from .lanes import depends_on_first
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .projection import Projection
-from .signal import AbstractSignal, beyond, kinked, on_clock, signals, twice
+from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 
 class AbstractForce(eqx.Module):
@@ -102,7 +102,7 @@ class AbstractStrength(AbstractForce):
     def unseen(self, times, state):
         if not callable(self.strength) or signals(self.strength) or _reads_state(self.strength, state):
             return jnp.asarray(False)
-        return jnp.all(jax.vmap(lambda t: self.strength(t, state))(times) == 0)
+        return jnp.all(at_each(lambda t: self.strength(t, state), times) == 0)
 
 
 class Torque(AbstractStrength):
@@ -328,7 +328,7 @@ class ShakenBase(AbstractForce):
         del state
         if signals(self):
             return jnp.asarray(False)
-        place, rate, acceleration = jax.vmap(self.moved)(times)
+        place, rate, acceleration = at_each(self.moved, times)
         if place is None:
             return jnp.all(acceleration == 0)
         return kinked(place, acceleration) | (jnp.all(acceleration == 0) & jnp.all(rate == 0))

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from . import calling, checks, units
-from .signal import beyond, kinked, on_clock, signals, twice
+from .signal import at_each, beyond, kinked, on_clock, signals, twice
 
 
 class AbstractMotion(eqx.Module):
@@ -103,7 +103,7 @@ class Driven(AbstractPivoted):
         return twice(self.angle, jnp.asarray(t) * 1.0)
 
     def unseen(self, times):
-        angle, _, acceleration = jax.vmap(self.turning)(times)
+        angle, _, acceleration = at_each(self.turning, times)
         return jnp.asarray(False) if signals(self) else kinked(angle, acceleration)
 
     def delayed(self, t0):

@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from .lagrangian import Lagrangian
 from .lanes import depends_on_first
 from .motion import Placement, State
-from .signal import signals
+from .signal import at_each, signals
 from .system import System
 
 INSTANTS = 4097
@@ -69,7 +69,7 @@ def preview(system: System | Lagrangian, start: Any, t0, t1, knots: Float[Array,
         return None
     even = t0 + (t1 - t0) * jnp.linspace(0.0, 1.0, INSTANTS, dtype=t0.dtype)
     instants = even if knots is None else jnp.sort(jnp.concatenate([even, jnp.clip(knots, t0, t1)]))
-    pushes = [jnp.nan_to_num(jax.vmap(load)(instants)) for _, load in loads]
+    pushes = [jnp.nan_to_num(at_each(load, instants)) for _, load in loads]
     bare = [pushed for (varies, _), pushed in zip(loads, pushes, strict=True) if varies]
     activity = sum(map(_activity, bare), jnp.zeros_like(instants))
     gained, unseen = jnp.zeros_like(t0), jnp.asarray(False)

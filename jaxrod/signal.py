@@ -214,6 +214,14 @@ def twice(function: Any, t: Float[Array, ""]) -> tuple[Array, Array, Array]:
     return value, speed, acceleration
 
 
+def at_each(function: Any, times: Float[Array, " T"]) -> Any:
+    """`function` at each of these times; one after the other where JAX cannot take them together, as of a callback."""
+    try:
+        return jax.vmap(function)(times)
+    except (ValueError, NotImplementedError):
+        return jax.lax.map(function, times)
+
+
 def kinked(place, acceleration: Float[Array, "T *D"]) -> Bool[Array, ""]:
     """Whether something moves unevenly though its acceleration is zero at all these evenly spaced instants.
 

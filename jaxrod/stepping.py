@@ -198,7 +198,7 @@ def _trusted(
     turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
     bound = _UNRESOLVED[name] * (tolerance + _EACH_RADIAN[name] * turned) * jnp.where(whole, 1.0, _AT_FIRST)
     if stops.inner is not None:  # a leg of one step is held against two, which are less apart than fewer and all
-        bound = bound / 2
+        bound = jnp.where(jnp.any(taken == 1), bound / 2, bound)
     return trusted & jnp.all((off <= bound) | ~looked)
 
 
