@@ -70,7 +70,9 @@ def _amplitudes(system: Any, name, uniform, all_name, amplitudes, unit) -> Float
 def _check_degrees(angles: dict[str, Array]) -> None:
     """Warn of an angle that looks like degrees: nobody starts after several turns by a round number of radians."""
     for name, angle in angles.items():
-        if checks.fails(lambda x: (np.abs(x) < _MANY_RADIANS[0]) | (np.abs(x) > _MANY_RADIANS[1]) | (x % 15 != 0), angle):
+        if checks.fails(
+            lambda x: (np.abs(x) < _MANY_RADIANS[0]) | (np.abs(x) > _MANY_RADIANS[1]) | (x % 15 != 0), angle
+        ):
             warnings.warn(
                 f"{name}={checks.shown(angle)} rad is {float(angle) / (2 * np.pi):.3g} turns; "
                 f"if degrees are meant, give {name}=jnp.deg2rad({checks.shown(angle)}).",

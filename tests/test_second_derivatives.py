@@ -85,16 +85,7 @@ SPUN = {
     "momentum": lambda x: jaxrod.equilibrium(scene(1e5), momentum=2.0 * x).strain,
     "in flight": lambda x: jaxrod.equilibrium(scene(1e5 * x, jaxrod.Flight(), jaxrod.Ritz(2)), spin=3.0 * x).strain,
     "driven": lambda x: jaxrod.equilibrium(scene(1e5 * x, jaxrod.Driven(lambda t: 3.0 * t))).strain,
-    "static": lambda x: (
-        jaxrod.equilibrium(scene(1e5 * x, basis=jaxrod.QuasiStatic(jaxrod.Ritz(2)), gravity=9.81)).strain
-    ),
 }
-
-
-def cone_of(x, **given):
-    """The conical pendulum: direction and strain."""
-    state = jaxrod.equilibrium(scene(1e5 * x[0], jaxrod.Spherical(), gravity=9.81 * x[1]), **given)
-    return jnp.stack([state.angle, state.strain])
 
 
 @pytest.mark.slow
@@ -115,32 +106,9 @@ def forced(x, motion=None, **given):
     return jnp.stack([state.angle, state.strain])
 
 
-def pulled_aside(x):
-    system = scene(1e5, gravity=9.81, forces=[jaxrod.TipForce(jnp.stack([3.0 * x**2, x]))])
-    state = jaxrod.equilibrium(system)
-    return jnp.stack([state.angle, state.strain])
-
-
-FORCED = {
-    "spin": lambda x: forced(x, jaxrod.Rotation(), spin=3.0 * x),
-    "momentum": lambda x: forced(x, jaxrod.Rotation(), momentum=2.0 * x),
-    "flight": lambda x: forced(x, jaxrod.Flight(), spin=3.0 * x),
-    "space": lambda x: forced(x, spin=6.0 * x),
-    "momentum in space": lambda x: forced(x, momentum=4.0 * x),
-    "pulled aside": pulled_aside,
-}
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FORCED)
-def test_equilibria_under_forces(name):
-    check(FORCED[name], 1.0, 1e-4, nestings=["forward over reverse"])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("given", [{"spin": 6.0}, {"momentum": 4.0}])
-def test_the_conical_pendulum(given):
-    check(lambda x: cone_of(jnp.stack([x, x**2]), **given), 1.0, 1e-4, nestings=SOME)
+def test_an_equilibrium_in_space_under_a_force():
+    check(lambda x: forced(x, spin=6.0 * x), 1.0, 1e-4, nestings=["forward over reverse"])
 
 
 @pytest.mark.slow
@@ -155,46 +123,6 @@ def test_frequency_of_the_swing(second):
         return jnp.sqrt(1.5 * 9.81 / (1 + 1200 * 9.81 / (2 * young))) / (2 * jnp.pi)
 
     assert float(second(swing)(1e5)) == pytest.approx(float(second(exact)(1e5)), rel=1e-8)
-
-
-@pytest.mark.slow
-def test_modes_of_a_spinning_viscous_rod():
-    """Frequencies, growth and shapes: two that coincide by symmetry are not among them, and neither is the neutral one."""
-
-    def numbers(x):
-        system = scene(1e6 * x, jaxrod.Spherical(), jaxrod.Ritz(1), gravity=9.81, forces=[jaxrod.KelvinVoigt(1e-4)])
-        modes = jaxrod.modes(system, jaxrod.equilibrium(system, spin=8.0))
-        shapes = jnp.abs(jnp.concatenate([modes.direction[1:].ravel(), modes.amplitudes[1:].ravel()]))
-        return jnp.concatenate([modes.frequency, modes.growth, shapes])
-
-    check(numbers, 1.0, 1e-4, rtol=1e-5, nestings=["forward over forward"])
-
-
-@pytest.mark.slow
-def test_modes_of_a_rod_that_hangs_with_spring_and_friction():
-    """Frequencies, growth and shapes, which are complex: what rubs is out of step."""
-
-    def numbers(x):
-        forces = [jaxrod.KelvinVoigt(1e-3 * x), jaxrod.PivotFriction(0.1), spring(x)]
-        modes = jaxrod.modes(scene(1e6 * x, basis=jaxrod.Ritz(2), gravity=9.81, forces=forces))
-        shapes = jnp.abs(jnp.concatenate([modes.direction.ravel(), modes.amplitudes.ravel()]))
-        return jnp.concatenate([modes.frequency, modes.growth, shapes])
-
-    check(numbers, 1.0, 1e-4, rtol=1e-5, nestings=["forward over forward"])
-
-
-@pytest.mark.slow
-def test_modes_that_coincide_by_symmetry():
-    """A rod that hangs in space swings both ways alike, whatever its modulus."""
-
-    def frequencies(young):
-        return jaxrod.modes(scene(young, jaxrod.Spherical(), gravity=9.81)).frequency[:2]
-
-    def exact(young):
-        return jnp.sqrt(1.5 * 9.81 / (1 + 1200 * 9.81 / (2 * young))) / (2 * jnp.pi)
-
-    found = jax.jacfwd(jax.jacfwd(frequencies))(1e5)
-    np.testing.assert_allclose(found, jax.grad(jax.grad(exact))(1e5), rtol=1e-6)
 
 
 # ---- frequencies
