@@ -40,6 +40,10 @@ def reversible(tree: Any, times: int, why: str) -> Any:
     return jax.tree.map(lambda x: _limited.bind(x, times=times, why=why) if _is_float(x) else x, tree)
 
 
+class NoForwardDerivative(ValueError, TypeError):
+    """What JAX raises as a TypeError, said in a sentence: `fit` then goes backwards."""
+
+
 @contextlib.contextmanager
 def forward_refused(why: str = FORWARD) -> Iterator[None]:
     """Says why where JAX would speak of its rules."""
@@ -48,7 +52,7 @@ def forward_refused(why: str = FORWARD) -> Iterator[None]:
     except TypeError as error:
         if "custom_vjp" not in str(error):
             raise
-        raise ValueError(why) from None
+        raise NoForwardDerivative(why) from None
 
 
 def _is_float(x: Any) -> bool:
