@@ -46,7 +46,7 @@ _ROOMY = 0.4  # of the tolerance: a rung that takes more may be dearer by its st
 _FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
 _FINE, _FINEST = 1e-11, 1e-12  # tolerance of the runs that a rung is judged by, and of one that judges these
-_LOOSE = 1e-4  # tolerance that the search begins with, of solvers that adapt their steps
+_LOOSE, _LOOSEST = 1e-4, 0.1  # tolerances that the search begins with and goes to, of solvers that adapt their steps
 _TRIES = 8  # step counts of one solver and type
 _NEAR = 1.5  # a step count within this factor of one too few is good enough
 _BESIDE = 1.07
@@ -282,7 +282,9 @@ class _Search:
         """The fewest steps with which the rung comes out to `enough`, sought by the order of the method."""
         equal = by_equal_steps(solver)
         order = solver.accuracy if equal else solver.order(None)
-        least, steps = (float(self.ts.size), rung.fine_steps / 8) if equal else (1.0, _LOOSE ** (-1 / order))
+        least, steps = (
+            (float(self.ts.size), rung.fine_steps / 8) if equal else (_LOOSEST ** (-1 / order), _LOOSE ** (-1 / order))
+        )
         found, fewest, failed = None, math.inf, 0.0
         for _ in range(_TRIES):
             steps = max(steps, least)

@@ -50,8 +50,10 @@ def exact_answer(
             return Answer(np.asarray(np.nan), np.inf, False)
         try:
             value = np.asarray(quantity(run), float)
-        except AttributeError:  # a function of what the exact rod has not
-            return None
+        except ValueError as error:
+            if isinstance(error.__cause__, AttributeError):  # a function of what the exact rod has not
+                return None
+            raise
         if before is not None:
             answer = Answer(value, apart(value, before), modes == most)
             if answer.apart <= wanted:

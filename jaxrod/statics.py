@@ -85,10 +85,10 @@ def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
         causes = ["gravity acts, and a rod spinning in a vertical plane is never steady"]
     else:
         causes, balanced = [], float(error) < unbalanced_at_most(error.dtype)
-        if balanced:
-            causes.append(f"the loads would compress it to a strain of {float(lowest):.4g}, beyond -1: raise young=")
         if linear and ("spin" in given or driven):
             causes.append("the rate of spin exceeds critical_rate(system)")
+        if balanced:
+            causes.append(f"the loads would compress it to a strain of {float(lowest):.4g}, beyond -1: raise young=")
         if not balanced and not driven:
             causes.append("the search started too far away: pass another angle=")
     listed = "; ".join(f"({letter}) {cause}" for letter, cause in zip("abc", causes, strict=False))

@@ -112,23 +112,26 @@ def lowered_run(system):
     return jax.jit(run).lower(10.0).compiler_ir("stablehlo")
 
 
-def inside(operation, functions):
-    """All operations in the regions of one, those of called functions too."""
+def inside(operation, functions, seen):
+    """All operations in the regions of one, those of called functions too, each function but once."""
     for region in operation.regions:
         for block in region.blocks:
             for inner in block.operations:
                 yield inner.operation
-                yield from inside(inner.operation, functions)
-                if inner.operation.name == "func.call":
-                    yield from inside(functions[str(inner.operation.attributes["callee"])[1:]], functions)
+                yield from inside(inner.operation, functions, seen)
+                callee = str(inner.operation.attributes["callee"])[1:] if inner.operation.name == "func.call" else None
+                if callee is not None and callee not in seen:
+                    seen.add(callee)
+                    yield from inside(functions[callee], functions, seen)
 
 
 def calls(module):
     """Loops of a program, and the operations that leave it: those within a loop, and all."""
     functions = {op.operation.attributes["sym_name"].value: op.operation for op in module.body.operations}
-    everything = list(inside(functions["main"], functions))
+    everything = list(inside(functions["main"], functions, set()))
     loops = [op for op in everything if op.name == "stablehlo.while"]
-    within = [op for loop in loops for op in inside(loop, functions)]
+    seen = set()
+    within = [op for loop in loops for op in inside(loop, functions, seen)]
     return loops, *([str(op) for op in ops if op.name.split(".")[-1] in OUTSIDE] for ops in (within, everything))
 
 

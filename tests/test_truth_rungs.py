@@ -283,7 +283,7 @@ def test_beyond_the_critical_rate(case):
     check(sol.strain, o["eps"], 1e-9)
     modes = jaxrod.modes(system, dataclasses.replace(start, amplitudes=jnp.array([-(1.3**2) / (1.3**2 - 1)])))
     check(modes.growth, [o["growth_rate"]], 1e-12)  # about the rest that it leaves
-    with pytest.raises(ValueError, match="no rate beyond critical_rate"):
+    with pytest.raises(ValueError, match="the rate of spin exceeds critical_rate"):
         jaxrod.equilibrium(system)
 
 
