@@ -256,6 +256,7 @@ def test_by_a_pivot_on_a_knot(basis, want):
     close(jax.jacrev(function)(0.3), want, 1e-4)
 
 
+@pytest.mark.slow
 def test_by_a_pivot_on_a_break():
     """Frequencies have a kink where rigidity jumps, and none where only a name is given to a place."""
     stepped = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), jaxrod.Steps([0.3], [1e7, 2e7]), 1200.0)

@@ -345,6 +345,7 @@ def test_other_strain_laws():
     assert off(sol.tip_stretch, linear.tip_stretch) > 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("motion", [jaxrod.Flight(), jaxrod.Rotation(pivot=0.3)], ids=lambda x: type(x).__name__)
 def test_elongation(motion):
     """Strain is the elongation of the whole rod over its length, wherever the rod is held: the mean of its field."""

@@ -265,8 +265,12 @@ _LONG_TO_COMPILE = (
     "continuum.simulation.simulate",
     "force.ShakenBase",
     "force.TipForce",
+    "force.Torque",
     "modal.modes",
+    "planning.plan",
+    "signal.Record",
     "statics.equilibrium",
+    "tradeoff.tradeoff",
 )
 
 

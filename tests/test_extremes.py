@@ -487,6 +487,7 @@ def test_float32_and_short_ends():
         assert _codes(system, system.state(rate=1.0), 0.1, "float64") == Result.ok
 
 
+@pytest.mark.slow
 def test_what_energy_does_not_tell():
     """Of large strains the energy is kept and the tip is elsewhere: half the steps tell, lane by lane."""
     numbers = {  # found among random scenes, where the default was off by 28 times its promise; and a calm one

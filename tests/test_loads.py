@@ -230,6 +230,7 @@ def test_record_is_smooth_and_without_waves_at_jumps():
     assert jaxrod.Record([0.0, 1.0], [2.0, 4.0])(0.5) == 3.0
 
 
+@pytest.mark.slow
 def test_records_are_differentiable(uniform):
     times = jnp.linspace(0.0, 1.0, 21)
 

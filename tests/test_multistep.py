@@ -52,7 +52,7 @@ def _push(t, state):
 @pytest.mark.parametrize(
     "scene",
     [
-        {"motion": jaxrod.Spherical(), "azimuth_rate": 4.0},
+        pytest.param({"motion": jaxrod.Spherical(), "azimuth_rate": 4.0}, marks=pytest.mark.slow),
         pytest.param({"motion": jaxrod.Flight(), "rate": 3.0}, marks=pytest.mark.slow),
         pytest.param({"motion": jaxrod.Rotation(0.3)}, marks=pytest.mark.slow),
         pytest.param({"forces": [jaxrod.TipForce(_push)]}, marks=pytest.mark.slow),
@@ -98,6 +98,7 @@ def test_beside_a_collapse(cone):
     np.testing.assert_array_equal(tips[::2], alone)
 
 
+@pytest.mark.slow
 def test_derivatives(cone):
     """Forwards, as those of the default; backwards refused with what to do."""
     system, _ = _scene(cone)

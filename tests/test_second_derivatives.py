@@ -32,6 +32,7 @@ def check(f, x, h, rtol=1e-6, nestings=NESTED):
         np.testing.assert_allclose(found, expected, rtol=rtol, atol=rtol * np.abs(expected).max(), err_msg=name)
 
 
+@pytest.mark.slow
 def test_sag_quickly():
     """rho g L / 2 E."""
     sag = jax.jacfwd(jax.jacfwd(lambda young: jaxrod.equilibrium(scene(young, gravity=9.81)).strain))

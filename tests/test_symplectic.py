@@ -164,6 +164,7 @@ def test_energy_has_no_trend(cone, n):
 # ---- derivatives
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("n", "motion"), [(1, jaxrod.Rotation()), (2, jaxrod.Spherical())])
 def test_backwards_is_forwards(cone, n, motion):
     """The reversible adjoint against forward sensitivities to rounding, and central differences to 1e-7."""
@@ -296,9 +297,9 @@ def test_numbers_in_closures(cone):
         system = jaxrod.System(cone, jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: p * 50 * t)])
         return jaxrod.simulate(system, system.state(), t1=0.1).angle[-1]
 
-    slope = (tip(1.001) - tip(0.999)) / 0.002
-    np.testing.assert_allclose(jax.grad(tip)(1.0), slope, rtol=1e-5)
-    np.testing.assert_allclose(jax.vmap(tip)(jnp.array([0.999, 1.001])), [tip(0.999), tip(1.001)], atol=1e-10)
+    less, more = jax.vmap(tip)(jnp.array([0.999, 1.001]))
+    np.testing.assert_allclose(less, tip(0.999), atol=1e-10)
+    np.testing.assert_allclose(jax.grad(tip)(1.0), (more - less) / 0.002, rtol=1e-5)
 
     def swept(p):
         return jaxrod.sweep(lambda rate: jnp.sin(p * rate), jnp.array([1.0, 2.0])).sum()
