@@ -229,7 +229,8 @@ def kinked(place, acceleration: Float[Array, "T *D"]) -> Bool[Array, ""]:
     """
     part = jnp.linspace(0.0, 1.0, len(place)).reshape(-1, *(1,) * (place.ndim - 1))
     uneven = jnp.abs(place - place[:1] - (place[-1:] - place[:1]) * part)
-    return jnp.all(acceleration == 0) & jnp.any(uneven > 1e-9 * jnp.max(jnp.abs(place)))
+    rounding = max(1e-9, 64 * float(jnp.finfo(place.dtype).eps))
+    return jnp.all(acceleration == 0) & jnp.any(uneven > rounding * jnp.max(jnp.abs(place)))
 
 
 def on_clock(function: Any, t0: Float[Array, ""], t: Float[Array, ""]) -> Array:

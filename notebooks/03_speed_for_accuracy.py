@@ -70,7 +70,7 @@ for basis in (jaxrod.Ritz(1), jaxrod.LoadRitz(3)):
 # `tradeoff` runs the scene in many ways, here and now: rungs, solvers, steps, float types. Large points are those that no
 # other beats in both; the dotted line is what the reference itself is good for.
 
-# %%
+# %% tags=["measured"]
 found = jaxrod.tradeoff(system, start, t1=2.0, quantity=sudden.quantity, seconds=60, progress=False)
 print(found)
 display(jaxrod.plot.tradeoff(found, sudden.title))

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import random_extremes
+import report
 from hypothesis import strategies as st
 
 import jaxrod
@@ -449,7 +450,8 @@ HOLD = {
 @pytest.mark.parametrize("runs", HOLD, ids=lambda x: x.__name__)
 def test_rows_of_the_page(runs):
     """Rows of docs/extremes.md: none is wrong, so many hold in float64, and what grows does so at the closed form's rate."""
-    rows = [extremes.measured(run, dtype) for run in runs() for dtype in ("float64", "float32")]
+    with report.quiet():  # what is asked here is beyond any rod
+        rows = [extremes.measured(run, dtype) for run in runs() for dtype in ("float64", "float32")]
     verdicts = {(name, dtype): judged for name, dtype, *_, judged, _ in rows}
     assert set(verdicts.values()) <= {"holds", "says so"}
     held = [name for name, dtype in verdicts if dtype == "float64" and verdicts[name, dtype] == "holds"]

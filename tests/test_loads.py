@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import jaxrod
+from jaxrod.checks import in_type
 
 ROTATION, RIGID = jaxrod.Rotation(), jaxrod.Ritz(0)
 
@@ -179,11 +180,12 @@ def test_trolley_from_a_record(uniform):
     assert abs(sol.angle[1] + math.pi / 2 - 0.12398939) < 5e-4  # of a start at one instant; SciPy
 
 
-def test_uniform_motion_of_base_and_drive_is_not_questioned(uniform):
+@pytest.mark.parametrize("dtype", ["float64", "float32"])
+def test_uniform_motion_of_base_and_drive_is_not_questioned(uniform, dtype):
     base = scene(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([3.0 * t, 1.0 + 0.0 * t])))
-    assert jaxrod.simulate(base, base.state(), t1=1.0).angle[-1] == 0.0
-    driven = scene(uniform, motion=jaxrod.Driven(lambda t: 15.0 * t), basis=jaxrod.Ritz(1))
-    assert jaxrod.simulate(driven, driven.state(), t1=0.1).ok
+    assert jaxrod.simulate(*in_type(dtype, (base, base.state())), t1=1.0).angle[-1] == 0.0
+    driven = scene(uniform, motion=jaxrod.Driven(lambda t: 15.7 * t), basis=jaxrod.Ritz(1))
+    assert jaxrod.simulate(*in_type(dtype, (driven, driven.state())), t1=0.1).ok
 
 
 def test_drive_from_a_record(uniform):
