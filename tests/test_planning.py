@@ -89,12 +89,12 @@ def test_laws_of_strain_and_late_starts(cone):
     rod = dataclasses.replace(cone, law=jaxrod.law.neo_hookean)
     system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
     start, quantity = system.state(rate=8.0), jaxrod.LargestStrain()
-    found = jaxrod.plan(system, start, t1=0.1, tolerance=3e-3, quantity=quantity)
+    found = jaxrod.plan(system, start, t1=0.1, tolerance=1e-2, quantity=quantity)
     ts = quantity.times(0.0, 0.1)
     true = quantity(jaxrod.continuum.simulate(system, start, ts=ts))
     assert (
         found.met
-        and abs(quantity(jaxrod.simulate(system, start, ts=ts, tolerance=found)) - true) <= found.error <= 1e-3
+        and abs(quantity(jaxrod.simulate(system, start, ts=ts, tolerance=found)) - true) <= found.error <= 1e-2
     )
     faster = jaxrod.System(cone, jaxrod.Driven(lambda t: 5.0 * t**2))
     when = {"t0": 2.0, "t1": 2.1}

@@ -33,13 +33,6 @@ def check(f, x, h, rtol=1e-6, nestings=NESTED):
 
 
 @pytest.mark.slow
-def test_sag_quickly():
-    """rho g L / 2 E."""
-    sag = jax.jacfwd(jax.jacfwd(lambda young: jaxrod.equilibrium(scene(young, gravity=9.81)).strain))
-    assert float(sag(1e5)) == pytest.approx(1200 * 9.81 / 1e15, rel=1e-9)
-
-
-@pytest.mark.slow
 @nested
 def test_sag(second):
     """rho g L / 2 E."""
@@ -59,7 +52,7 @@ def test_third_derivative_of_the_sag():
 
 
 @pytest.mark.slow
-@nested
+@pytest.mark.parametrize("second", [NESTED["forward over reverse"]])
 def test_sag_of_another_law(second):
     def sag(x):
         system = scene(1e5 * x[0], gravity=9.81 * x[1], rod={"law": jaxrod.law.neo_hookean})
@@ -81,8 +74,7 @@ def test_an_equilibrium_under_a_force_whose_strength_hides_in_a_function():
 
 
 SPUN = {
-    "rate": lambda x: jaxrod.equilibrium(scene(1e5 * x), spin=3.0).strain,
-    "by the rate": lambda x: jaxrod.equilibrium(scene(1e5), spin=3.0 * x).strain,
+    "rate": lambda x: jaxrod.equilibrium(scene(1e5 * x**2), spin=3.0 * x).strain,
     "momentum": lambda x: jaxrod.equilibrium(scene(1e5), momentum=2.0 * x).strain,
     "in flight": lambda x: jaxrod.equilibrium(scene(1e5 * x, jaxrod.Flight(), jaxrod.Ritz(2)), spin=3.0 * x).strain,
     "driven": lambda x: jaxrod.equilibrium(scene(1e5 * x, jaxrod.Driven(lambda t: 3.0 * t))).strain,

@@ -227,7 +227,7 @@ def test_small_oscillations(case):
         check(turning.strain, row["eps_eq"], 1e-12)
         check(weightless.angular_momentum(turning) / inertia, row["L_over_I"], 1e-12)
         check(omega(jaxrod.modes(weightless, turning))[-1], row["omega_strain_free_spin"], 1e-12)
-        driven = dataclasses.replace(weightless, motion=jaxrod.Driven(Steady(row["Omega"]), pivot))
+        driven = dataclasses.replace(weightless, motion=jaxrod.Driven(Steady(jnp.asarray(row["Omega"])), pivot))
         check(jaxrod.equilibrium(driven).strain, row["eps_eq"], 1e-12)
         check(omega(jaxrod.modes(driven)), row["omega_strain_prescribed_spin"], 1e-12)
     row = o["free_spin_from_unstretched"]
