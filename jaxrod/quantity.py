@@ -124,7 +124,8 @@ class FinalTip(AbstractQuantity):
 
 
 class Measured(AbstractQuantity):
-    """A quantity of your own: `function` of a solution, its `unit`, and how far apart answers can lie at the most.
+    """A quantity of your own: `function` of a solution, its `unit`, and how far apart answers can lie at the most: one
+    positive number, or one for each that the function returns.
 
     >>> import jaxrod
     >>> jaxrod.Measured(lambda sol: sol.energy[-1], "J").unit
@@ -142,14 +143,20 @@ class Measured(AbstractQuantity):
         for said, value in (("unit", unit), ("name", name)):
             if not isinstance(value, str):
                 raise ValueError(f"Measured({said}={checks.given(value)}) is not text; give a string such as 'm'.")
-        if checks.fails(lambda largest: largest > 0, checks.reals("Measured(largest=)", largest)) or np.ndim(largest):
+        if checks.fails(lambda largest: largest > 0, checks.reals("Measured(largest=)", largest)):
             raise ValueError(
-                f"Measured(largest={checks.given(largest)}) must be one positive number; inf where there is none."
+                f"Measured(largest={checks.given(largest)}) must be positive, for all its numbers or each; inf where there is none."
             )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
     def __call__(self, solution):
-        return calling.answer(self.name, "of a solution -> one array", self.function, solution)
+        value = calling.answer(self.name, "of a solution -> one array", self.function, solution)
+        if np.ndim(self.largest) and np.shape(self.largest) != value.shape:
+            raise ValueError(
+                f"Measured(largest=) of shape {np.shape(self.largest)} does not fit the {self.name}, of shape {value.shape}; give "
+                "one number, or one for each."
+            )
+        return value
 
     def span(self, system):
         return jnp.asarray(self.largest)

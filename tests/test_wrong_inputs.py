@@ -651,6 +651,7 @@ ROWS = [
     ("Measured: unit 3", lambda: jaxrod.Measured(lambda sol: 1.0, unit=3), r"Measured\(unit=3\) is not text; give", ValueError),
     ("Measured: name none", lambda: jaxrod.Measured(lambda sol: 1.0, name=None), r"Measured\(name=None\) is not text; give", ValueError),
     ("Measured: largest text", lambda: jaxrod.Measured(lambda sol: 1.0, largest="a"), r"Measured\(largest=\)='a'.*give", ValueError),
+    ("Measured: largest of another shape", lambda: jaxrod.Measured(lambda sol: sol.tip[-1], largest=jnp.ones(3))(sol()), r"Measured\(largest=\) of shape \(3,\) does not fit the quantity, of shape \(2,\)", ValueError),
     ("Measured: largest negative", lambda: jaxrod.Measured(lambda sol: 1.0, largest=-1.0), r"Measured\(largest=-1\.0\) must be", ValueError),
     ("LargestStrain: beyond the rod", lambda: jaxrod.LargestStrain(at=2.0)(sol()), r"at=2 m lies beyond the rod; it must", ValueError),
     # the exact rod
