@@ -5,8 +5,8 @@
 The scenes of random_loads.py: forces, laws, tables, steps, bodies at the tip, pivots, gravity vectors, starts at t0, records
 and blows.  Each runs as a user runs it, with a budget of the tip, the angle and the largest strain.
 
-The truth is the same scene with 20 strain shapes, by Dopri8 in other coordinates at a tolerance of 1e-10, its blow given as an
-`Impulse`; what it differs by from 12 shapes is taken for its error, and what that is too large for is not judged.  Writes the
+The truth is the same scene with 16 strain shapes, by Dopri8 in other coordinates at a tolerance of 1e-10, its blow given as an
+`Impulse`; what it differs by from 10 shapes is taken for its error, and what that is too large for is not judged.  Writes the
 part "loads" of docs/accuracy_of_budgets.md.
 """
 
@@ -32,7 +32,7 @@ import report  # noqa: E402
 from budget_coverage import PAGE, verdict  # noqa: E402
 
 NAMES = ("largest strain", "angle", "tip, across", "tip, up")
-SHAPES = (12, 20)  # of what the truth is held against, and of the truth
+SHAPES = (10, 16)  # of what the truth is held against, and of the truth
 TIGHT = 1e-10
 MOST_STEPS = 2**16
 
@@ -83,7 +83,11 @@ def look(index: int, each: int, seed: int) -> dict[str, np.ndarray]:
     p = random_loads.draw(each, np.random.default_rng([seed, index]))
     rows = []
     for k in range(each):
-        rows.append(one(kind, {name: jnp.asarray(x[k]) for name, x in p.items()}))
+        try:
+            rows.append(one(kind, {name: jnp.asarray(x[k]) for name, x in p.items()}))
+        except ValueError as refused:  # samples closer than the digits of their stamps
+            print(f"   {kind.name}, scene {k}: {refused}", flush=True)
+            rows.append({"ok": np.asarray(False)} | dict.fromkeys(("value", "off", "bound", "blur"), np.full(4, np.nan)))
     found = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
     v, ok = verdict([found]), found["ok"]
     for i, k in np.argwhere(v["seen"] & ~v["inside"]):

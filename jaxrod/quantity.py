@@ -145,7 +145,7 @@ class Measured(AbstractQuantity):
                 raise ValueError(f"Measured({said}={checks.given(value)}) is not text; give a string such as 'm'.")
         if checks.fails(lambda largest: largest > 0, checks.reals("Measured(largest=)", largest)):
             raise ValueError(
-                f"Measured(largest={checks.given(largest)}) must be positive, for all its numbers or each; inf where there is none."
+                f"Measured(largest={checks.given(largest)}) must be positive, one number or one for each; inf if there is none."
             )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
@@ -153,8 +153,8 @@ class Measured(AbstractQuantity):
         value = calling.answer(self.name, "of a solution -> one array", self.function, solution)
         if np.ndim(self.largest) and np.shape(self.largest) != value.shape:
             raise ValueError(
-                f"Measured(largest=) of shape {np.shape(self.largest)} does not fit the {self.name}, of shape {value.shape}; give "
-                "one number, or one for each."
+                f"Measured(largest=) of shape {np.shape(self.largest)} does not fit the {self.name}, of shape {value.shape}; "
+                "give one number, or one for each."
             )
         return value
 
