@@ -132,7 +132,12 @@ def calls(module):
     loops = [op for op in everything if op.name == "stablehlo.while"]
     seen = set()
     within = [op for loop in loops for op in inside(loop, functions, seen)]
-    return loops, *([str(op) for op in ops if op.name.split(".")[-1] in OUTSIDE] for ops in (within, everything))
+    return loops, *([named(op) for op in ops if op.name.split(".")[-1] in OUTSIDE] for ops in (within, everything))
+
+
+def named(op):
+    """What an operation is, and what it calls; to print it whole is to number its whole program."""
+    return op.name, str(op.attributes["call_target_name"]) if "call_target_name" in op.attributes else ""
 
 
 HOT = {
