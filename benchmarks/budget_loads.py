@@ -87,7 +87,9 @@ def look(index: int, each: int, seed: int) -> dict[str, np.ndarray]:
             rows.append(one(kind, {name: jnp.asarray(x[k]) for name, x in p.items()}))
         except ValueError as refused:  # samples closer than the digits of their stamps
             print(f"   {kind.name}, scene {k}: {refused}", flush=True)
-            rows.append({"ok": np.asarray(False)} | dict.fromkeys(("value", "off", "bound", "blur"), np.full(4, np.nan)))
+            rows.append(
+                {"ok": np.asarray(False)} | dict.fromkeys(("value", "off", "bound", "blur"), np.full(4, np.nan))
+            )
     found = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
     v, ok = verdict([found]), found["ok"]
     for i, k in np.argwhere(v["seen"] & ~v["inside"]):

@@ -106,8 +106,29 @@ class Sine(NamedTuple):
 
 
 def held(function):
-    """A function whose numbers are leaves."""
-    return Partial(lambda function, *at: function(*at), function)
+    """A function whose numbers are leaves; of functions that stay, so that the next scene is the same program."""
+    return Partial(_called, function)
+
+
+def _called(function, *at):
+    return function(*at)
+
+
+def _swaying(sine, t):
+    return jnp.stack([sine(t), 0.5 * sine(t) ** 2])
+
+
+def _spring(stiff, t, state):
+    return -stiff * state.strain
+
+
+def _drive(angle, t):
+    return angle(t) + 0.1 * (t - angle.since)
+
+
+def _bare(begin, width, t):
+    inside = (t > begin) & (t < begin + width)
+    return jnp.where(inside, 1 - jnp.cos(2 * jnp.pi * (t - begin) / width), 0.0)
 
 
 def turned(p):
@@ -155,8 +176,7 @@ def shaken(p, blow, unit, rod):
 
 def swaying(p, blow, unit, rod):
     sine = Sine(0.02 * p["length"], p["pace"] / p["unit"], p["t0"])
-    base = jaxrod.ShakenBase(Partial(lambda s, t: jnp.stack([s(t), 0.5 * s(t) ** 2]), sine))
-    return [base, *moment(p, blow, unit, rod)]
+    return [jaxrod.ShakenBase(Partial(_swaying, sine)), *moment(p, blow, unit, rod)]
 
 
 def hum(p, blow, unit, rod):
@@ -165,13 +185,12 @@ def hum(p, blow, unit, rod):
 
 def spring(p, blow, unit, rod):
     stiff = 0.1 * unit / p["length"]
-    spring = Partial(lambda stiff, t, state: -stiff * state.strain, stiff)
-    return [jaxrod.TipForce(spring), *moment(p, blow, unit, rod)]
+    return [jaxrod.TipForce(Partial(_spring, stiff)), *moment(p, blow, unit, rod)]
 
 
 def driven(p, blow):
     angle = Sine(0.7, 0.2 * p["pace"] / p["unit"], p["t0"])
-    return jaxrod.Driven(Partial(lambda angle, t: angle(t) + 0.1 * (t - angle.since), angle))
+    return jaxrod.Driven(Partial(_drive, angle))
 
 
 NONE, ANGLES, DIRECTOR = None, jaxrod.Angles(), jaxrod.Director()
@@ -237,12 +256,7 @@ def blow(form: str, p) -> Any:
     if form == "record":
         part = np.linspace(0.0, 1.0, SAMPLES)
         return jaxrod.Record(begin + p["width"] * part, np.append(1 - np.cos(2 * np.pi * part)[:-1], 0.0))
-
-    def bare(begin, width, t):
-        inside = (t > begin) & (t < begin + width)
-        return jnp.where(inside, 1 - jnp.cos(2 * jnp.pi * (t - begin) / width), 0.0)
-
-    return Partial(bare, begin, p["width"])
+    return Partial(_bare, begin, p["width"])
 
 
 def look(kind: Kind, p: dict) -> dict:
