@@ -315,8 +315,9 @@ def main() -> None:
         jax.clear_caches()
         found = {name: np.asarray(x) for name, x in found.items()}
         ok, judged = found["result"] == jaxrod.Result.ok, found["right"] == jaxrod.Result.ok
-        # A stamp of 1e9 s has 2e-7 s of rounding, which the edges of a blow given on that clock have too.
-        rounding = np.spacing(p["t0"]) / p["width"]
+        # A stamp of 1e9 s has 2e-7 s of rounding, which the edges of a blow given on that clock have too, and each sample: half
+        # of it by the steepest slope of the pulse, 2 pi over its width.
+        rounding = np.pi * np.spacing(p["t0"]) / p["width"]
         promise = PROMISE + np.where(p["t0"] > 0, rounding, 0.0)
         beyond = ~(found["growth"] * APART <= promise)
         wrong = ok & judged & ~beyond & ~(found["error"] <= promise)

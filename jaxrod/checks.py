@@ -201,10 +201,11 @@ def optional_switch(name: str, value: Any) -> None:
         switch(name, value)
 
 
-def count(name: str, value: Any, least: int, what: str) -> int:
-    """`value` as a whole number that is known, `least` or more."""
-    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or value < least:
-        raise ValueError(f"{name}={given(value)} must be a whole number of {what}, {least} or more.")
+def count(name: str, value: Any, least: int, what: str, most: float = np.inf) -> int:
+    """`value` as a whole number that is known, `least` or more, `most` or less."""
+    if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        end = "or more" if most == np.inf else f"to {most}"
+        raise ValueError(f"{name}={given(value)} must be a whole number of {what}, {least} {end}.")
     return int(value)
 
 
@@ -233,5 +234,26 @@ def brief(value: Any) -> str:
 
 def carried(function: Callable[..., Any]) -> Any:
     """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
-    carried = isinstance(function, eqx.Module | jax.tree_util.Partial)
-    return function if carried else jax.tree_util.Partial(function)
+    if not isinstance(function, eqx.Module | jax.tree_util.Partial):
+        return jax.tree_util.Partial(function)
+    leaves, structure = jax.tree.flatten(function)
+    if all(map(eqx.is_array_like, leaves)):
+        return function
+    return _Carried(
+        [x for x in leaves if eqx.is_array_like(x)],
+        tuple(None if eqx.is_array_like(x) else x for x in leaves),
+        structure,
+    )
+
+
+class _Carried(eqx.Module):
+    """A module that is called, of whose leaves some are functions: they are no leaves here."""
+
+    numbers: list[Any]
+    others: tuple = eqx.field(static=True)
+    structure: Any = eqx.field(static=True)
+
+    def __call__(self, *given: Any) -> Any:
+        numbers = iter(self.numbers)
+        leaves = [next(numbers) if x is None else x for x in self.others]
+        return jax.tree.unflatten(self.structure, leaves)(*given)

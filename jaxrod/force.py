@@ -25,6 +25,8 @@ from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .projection import Projection
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
+_BESIDE = 0.1  # of every number of a state: one that is at rest nowhere
+
 
 class AbstractForce(eqx.Module):
     """A force without a potential."""
@@ -54,10 +56,17 @@ class AbstractForce(eqx.Module):
         """Whether a `Record` in it does not reach over a run from t0 to t1 (s)."""
         return beyond(signals(self), t0, t1, may_end=True)
 
-    def unseen(self, times: Float[Array, " T"], state: State) -> Bool[Array, ""]:
+    def pushed(self, t: Float[Array, ""], state: State, body: Projection) -> Float[Array, " N"]:
+        """Its generalized forces: derivative of the power by the virtual velocity, the director's first."""
+        virtual = jax.tree.map(jnp.zeros_like, Placement(state.direction, state.amplitudes, state.center))
+        found = jax.grad(lambda virtual: self.power(t, state, virtual, body))(virtual)
+        return jnp.concatenate([x.reshape(-1) for x in jax.tree.leaves(found)])
+
+    def unseen(self, times: Float[Array, " T"], state: State, body: Projection) -> Bool[Array, ""]:
         """Whether it is a function of time that does nothing at any of these instants, as a short pulse between them."""
-        del times, state
-        return jnp.asarray(False)
+        if not self.varies or signals(self):
+            return jnp.asarray(False)
+        return _never(lambda t, state: self.pushed(t, state, body), times, state)
 
     def delayed(self, t0: Float[Array, ""]) -> "AbstractForce":
         """The same force on a clock that shows zero at t0 (s)."""
@@ -83,8 +92,8 @@ class _Delayed(AbstractForce):
     def varies(self):
         return self.force.varies
 
-    def unseen(self, times, state):
-        return self.force.unseen(self.t0 + times, state)
+    def unseen(self, times, state, body):
+        return self.force.unseen(self.t0 + times, state, body)
 
 
 class AbstractStrength(AbstractForce):
@@ -99,10 +108,11 @@ class AbstractStrength(AbstractForce):
     def varies(self):
         return _is_looked_at(self.strength)
 
-    def unseen(self, times, state):
-        if not callable(self.strength) or signals(self.strength) or _reads_state(self.strength, state):
+    def unseen(self, times, state, body):
+        del body
+        if not callable(self.strength) or signals(self.strength):
             return jnp.asarray(False)
-        return jnp.all(at_each(lambda t: self.strength(t, state), times) == 0)
+        return _never(self.strength, times, state)
 
 
 class Torque(AbstractStrength):
@@ -291,8 +301,10 @@ class ShakenBase(AbstractForce):
                 raise ValueError(
                     f"ShakenBase({name}={checks.given(value)}) is not a function of time; give one, t -> (D,)."
                 )
-        self.position = None if position is None else checks.carried(position)
-        self.acceleration = None if acceleration is None else checks.carried(acceleration)
+        self.position = None if position is None else _function("ShakenBase(position=)", position, "m")
+        self.acceleration = (
+            None if acceleration is None else _function("ShakenBase(acceleration=)", acceleration, "m/s^2")
+        )
 
     def power(self, t, state, virtual, body):
         t = jnp.asarray(t, state.direction.dtype)
@@ -324,22 +336,28 @@ class ShakenBase(AbstractForce):
     def unknown(self, t0, t1):
         return beyond(signals(self), t0, t1, may_end=self.position is None)
 
-    def unseen(self, times, state):
-        del state
+    def unseen(self, times, state, body):
+        del state, body
         if signals(self):
             return jnp.asarray(False)
         place, rate, acceleration = at_each(self.moved, times)
         if place is None:
             return jnp.all(acceleration == 0)
-        return kinked(place, acceleration) | (jnp.all(acceleration == 0) & jnp.all(rate == 0))
+        return kinked(place, acceleration, times) | (jnp.all(acceleration == 0) & jnp.all(rate == 0))
 
 
 def _strength(name: str, value: Any, shape: tuple[int, ...], unit: str) -> Any:
-    return checks.carried(value) if callable(value) else checks.number(name, value, shape, unit)
+    return _function(name, value, unit) if callable(value) else checks.number(name, value, shape, unit)
 
 
 def _damping(name: str, value: Any, unit: str, what: str | None = None) -> Any:
-    return checks.carried(value) if callable(value) else checks.not_negative(name, value, unit, what)
+    return _function(name, value, unit) if callable(value) else checks.not_negative(name, value, unit, what)
+
+
+def _function(name: str, value: Any, unit: str) -> Any:
+    if isinstance(value, AbstractSignal):
+        value.fits(name, unit)
+    return checks.carried(value)
 
 
 def _number(value: Any) -> Any:
@@ -369,9 +387,20 @@ def _is_looked_at(given: Any) -> bool:
     return callable(given) and not isinstance(given, AbstractSignal)
 
 
-def _reads_state(strength: Any, state: State) -> bool:
-    """Whether the program of a strength uses the state."""
-    return depends_on_first(lambda state, t: strength(t, state), state, jnp.zeros_like(state.turns))
+def _never(strength: Callable, times: Float[Array, " T"], state: State) -> Bool[Array, ""]:
+    """Whether a function of time and state is zero at all these instants; if it reads the state, beside it too.
+
+    At the start alone a damper is zero, and a force that grows with a strain.
+    """
+
+    def zero(state):
+        return jnp.all(at_each(lambda t: strength(t, state), times) == 0)
+
+    if not depends_on_first(lambda state, t: strength(t, state), state, times[0]):
+        return zero(state)
+    if not depends_on_first(strength, times[0], state):
+        return jnp.asarray(False)
+    return zero(state) & zero(jax.tree.map(lambda x: x + _BESIDE, state))
 
 
 def _check_pivot(force: AbstractForce, motion: AbstractMotion) -> None:

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from . import checks, continuum, spectrum, statics
+from . import checks, continuum, precision, spectrum, statics
 from .chart import Local
 from .motion import State
 from .projection import Projection
@@ -39,6 +39,7 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     [ 19.239  68.213 158.859]
     """
     check_system(system)
+    precision.warn_if_lowered(checks.float_type(system), system, ())
     warn_of_forces("natural_frequencies", system)
     return _looked_at(system)
 

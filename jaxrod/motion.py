@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from . import calling, checks, units
-from .signal import at_each, beyond, kinked, on_clock, signals, twice
+from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 
 class AbstractMotion(eqx.Module):
@@ -95,6 +95,8 @@ class Driven(AbstractPivoted):
                 f"Driven(angle={checks.given(angle)}) is not a function of time; give one, such as lambda t: 15.0 * t."
             )
         calling.tried("Driven(angle=)", "t (s) -> angle in rad", angle, calling.like(), shapes=[()])
+        if isinstance(angle, AbstractSignal):
+            angle.fits("Driven(angle=)", "rad")
         self.angle = checks.carried(angle)
         self.pivot = _inside(pivot)
 
@@ -104,7 +106,7 @@ class Driven(AbstractPivoted):
 
     def unseen(self, times):
         angle, _, acceleration = at_each(self.turning, times)
-        return jnp.asarray(False) if signals(self) else kinked(angle, acceleration)
+        return jnp.asarray(False) if signals(self) else kinked(angle, acceleration, times)
 
     def delayed(self, t0):
         return Driven(_Delayed(self.angle, t0), self.pivot)

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import checks, configuration
+from . import configuration
 
 _NAMED = 3  # numbers in a message
 
@@ -32,7 +32,7 @@ def remedy(system: Any, start: Any) -> str:
 
 
 def _in_float32(system: Any, start: Any) -> str:
-    """The known numbers in float32 although JAX's default is float64, as the subject of a sentence.
+    """The numbers in float32 although JAX's default is float64, as the subject of a sentence.
 
     The start only where it is alone: a state takes the type of its system.
     """
@@ -47,4 +47,4 @@ def _in_float32(system: Any, start: Any) -> str:
 
 
 def _is_low(x: Any) -> bool:
-    return checks.known(x) and getattr(x, "dtype", None) == np.float32 and not getattr(x, "weak_type", False)
+    return getattr(x, "dtype", None) == np.float32 and not getattr(x, "weak_type", False)

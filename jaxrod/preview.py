@@ -6,6 +6,7 @@ size.  Times that share it out evenly are where steps are to end: a short pulse 
 lies between two instants is not seen.
 """
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -16,7 +17,7 @@ from jaxtyping import Array, Bool, Float
 
 from .lagrangian import Lagrangian
 from .lanes import depends_on_first
-from .motion import Placement, State
+from .motion import State
 from .signal import at_each, signals
 from .system import System
 
@@ -83,7 +84,7 @@ def preview(system: System | Lagrangian, start: Any, t0, t1, knots: Float[Array,
             gained = _gained(system, start, instants, pushes)
         unseen = system.motion.unseen(even)
         for force in system.forces:
-            unseen = unseen | force.unseen(even, start)
+            unseen = unseen | force.unseen(even, start, system.body)
     activity, close_activity = (sum(found, jnp.zeros_like(at)) for found, at in ((changes, instants), (close, closer)))
     found = Preview(instants, activity, closer, close_activity, _knots(closer, close), gained, unseen)
     return jax.lax.stop_gradient(found)
@@ -125,18 +126,10 @@ def _loads(system: System | Lagrangian, start: Any) -> list[tuple[bool, Callable
     motion: Any = system.motion
     drives = [(True, lambda t: motion.turning(t)[1][None] ** 2)] if motion.prescribed else []
     timed = [force for force in system.forces if force.varies or signals(force)]
-    return [*drives, *((force.varies, _pushed(force, system, start)) for force in timed)]
-
-
-def _pushed(force, system: System, start: State) -> Callable:
-    body = system.body
-    virtual = jax.tree.map(jnp.zeros_like, Placement(start.direction, start.amplitudes, start.center))
-
-    def pushed(t):
-        found = jax.grad(lambda virtual: force.power(t, start, virtual, body))(virtual)
-        return jnp.concatenate([x.reshape(-1) for x in jax.tree.leaves(found)])
-
-    return pushed
+    return [
+        *drives,
+        *((force.varies, functools.partial(force.pushed, state=start, body=system.body)) for force in timed),
+    ]
 
 
 def _activity(pushed: Float[Array, "T m"]) -> Float[Array, " T"]:

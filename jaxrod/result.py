@@ -64,11 +64,13 @@ class Result(enum.IntEnum, metaclass=_Sentences):
     )
     invalid = (
         "rod, start or times hold numbers that make no sense (not positive, not finite, unsorted, a strain at or "
-        "below -1, or an inertia beyond what their type holds: float32 ends at 1e-38)"
+        "below -1, an inertia beyond what their type holds: float32 ends at 1e-38), or functions along the rod are not "
+        "resolved: name the places where they jump by breaks="
     )
     unseen = (
-        "a function of time is zero, or does not accelerate what it moves, at each of the 4,097 instants at which a run looks "
-        "at it; if it is meant to be more than that give a short load as jaxrod.Impulse, samples as jaxrod.Record"
+        "a function of time is zero at each of the 4,097 instants at which a run looks at it, or moves something without "
+        "accelerating it, as a jump and straight pieces do; if it is meant to be more than that give a short load as "
+        "jaxrod.Impulse, samples as jaxrod.Record"
     )
 
 

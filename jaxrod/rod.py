@@ -260,7 +260,8 @@ class Rod(eqx.Module):
         inner = jax.lax.stop_gradient(jnp.concatenate([x.astype(dtype) for x in inner]))
         if not inner.size and not len(at):
             return jnp.stack(points)
-        ends, near = jnp.concatenate([inner, jnp.stack(points)]), 8 * jnp.finfo(dtype).eps * length
+        # A kink that was looked for is known to 1e-12 of the length.
+        ends, near = jnp.concatenate([inner, jnp.stack(points)]), max(8 * float(jnp.finfo(dtype).eps), 4e-12) * length
         for point in points:
             ends = jnp.where(jnp.abs(ends - point) <= near, point, ends)
         return jnp.sort(ends)

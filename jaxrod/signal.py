@@ -11,17 +11,19 @@ import math
 import types
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import checks
+from . import checks, units
 from .lanes import Undivided
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
 _ROUGH = 20.0  # times as rough as another, a stencil is left for it: it lies across a jump
 _TORN = 0.5  # fourth difference over the first ones beside, above which no stencil is smooth
+_KINKED = 0.5  # of the largest way from a straight one: as far off seems a sine of 1,170 periods
 _PULSE = 64  # steps in an `Impulse`, at least
 _NO_USERS = {"jax", "jaxlib", "numpy", "equinox", "diffrax", "interpax", "optimistix", "lineax", "jaxrod", "builtins"}
 
@@ -37,6 +39,10 @@ class AbstractSignal(Undivided):
     @abc.abstractmethod
     def zero_outside(self) -> tuple[Bool[Array, ""], Bool[Array, ""]]:
         """Whether it is zero before its first knot, and after its last; if not, it is not known there."""
+
+    @abc.abstractmethod
+    def fits(self, name: str, unit: str) -> None:
+        """Refuse, by `ValueError`, to be what `name` needs, in `unit`, if it was given in a unit of something else."""
 
     @abc.abstractmethod
     def __call__(self, t: Float[Array, ""], state: Any = None) -> Array:
@@ -73,8 +79,10 @@ class Record(AbstractSignal):
     samples: Float[Array, "K *D"]
     slopes: Float[Array, "K *D"]
     curvatures: Float[Array, "K *D"]
+    given_in: Any = eqx.field(static=True)  # unit, None of plain numbers
 
     def __init__(self, times, samples):
+        self.given_in = units.of(samples)
         times = checks.numbers("Record(times=)", times, "times in s", "s")
         if times.size < 2:
             raise ValueError(f"Record(times={checks.shown(times)}) holds one time; give two or more.")
@@ -99,6 +107,9 @@ class Record(AbstractSignal):
 
     def zero_outside(self):
         return jnp.all(self.samples[0] == 0), jnp.all(self.samples[-1] == 0)
+
+    def fits(self, name, unit):
+        units.fits(name, "a Record", self.given_in, unit)
 
     def __call__(self, t, state=None):
         t = jnp.asarray(t, self.times.dtype)
@@ -133,8 +144,10 @@ class Impulse(AbstractSignal):
     total: Float[Array, "*D"]
     start: Float[Array, ""]
     width: Float[Array, ""]
+    given_in: Any = eqx.field(static=True)  # unit, None of plain numbers
 
     def __init__(self, total, start, width):
+        self.given_in = units.of(total)
         self.total = checks.number(
             "Impulse(total=)", total, checks.reals("Impulse(total=)", total, None).shape[:1], None
         )
@@ -147,6 +160,9 @@ class Impulse(AbstractSignal):
 
     def zero_outside(self):
         return jnp.asarray(True), jnp.asarray(True)
+
+    def fits(self, name, unit):
+        units.fits(name, "an Impulse", self.given_in, f"{unit} s")
 
     def __call__(self, t, state=None):
         x = (jnp.asarray(t, self.width.dtype) - self.start) / self.width
@@ -222,15 +238,27 @@ def at_each(function: Any, times: Float[Array, " T"]) -> Any:
         return jax.lax.map(function, times)
 
 
-def kinked(place, acceleration: Float[Array, "T *D"]) -> Bool[Array, ""]:
-    """Whether something moves unevenly though its acceleration is zero at all these evenly spaced instants.
+def kinked(
+    place: Float[Array, "T *D"], acceleration: Float[Array, "T *D"], times: Float[Array, " T"]
+) -> Bool[Array, ""]:
+    """Whether something moves otherwise than its acceleration at these evenly spaced times has it, start and end apart.
 
-    So does a position that is interpolated by straight lines, and one that jumps.
+    So does a position that is interpolated by straight lines, and one that jumps: no derivative knows of it.
     """
-    part = jnp.linspace(0.0, 1.0, len(place)).reshape(-1, *(1,) * (place.ndim - 1))
-    uneven = jnp.abs(place - place[:1] - (place[-1:] - place[:1]) * part)
+    step = times[1] - times[0]
+
+    def integrated(rate):
+        parts = step * (rate[1:] + rate[:-1]) / 2
+        return jnp.concatenate([jnp.zeros_like(parts[:1]), jnp.cumsum(parts, axis=0)])
+
+    def bent(x):
+        part = jnp.linspace(0.0, 1.0, len(x), dtype=x.dtype).reshape(-1, *(1,) * (x.ndim - 1))
+        return x - x[:1] - (x[-1:] - x[:1]) * part
+
+    uneven = bent(place)
+    off = jnp.max(jnp.abs(uneven - bent(integrated(integrated(acceleration)))))
     rounding = max(1e-9, 64 * float(jnp.finfo(place.dtype).eps))
-    return jnp.all(acceleration == 0) & jnp.any(uneven > rounding * jnp.max(jnp.abs(place)))
+    return off > jnp.maximum(rounding * jnp.max(jnp.abs(place)), _KINKED * jnp.max(jnp.abs(uneven)))
 
 
 def on_clock(function: Any, t0: Float[Array, ""], t: Float[Array, ""]) -> Array:

@@ -61,6 +61,24 @@ def read(text: str, unit: str) -> float:
     return float(_converted(f"'{text}'", value, unit))
 
 
+def of(value: Any) -> Any:
+    """The unit of a quantity, or of the first of several; None of plain numbers.  It can be compared and hashed."""
+    if not carries_unit(value):
+        return None
+    return of(value[0]) if _several(value) else getattr(value, "units", None)
+
+
+def fits(name: str, what: str, given: Any, unit: str) -> None:
+    """Refuse, by `ValueError`, `what` was given with the unit `given` (None: with none) where `unit` is needed."""
+    if given is not None:
+        try:
+            (1.0 * given).to(unit)
+        except Exception:  # of the registry, whichever it is
+            raise ValueError(
+                f"{name} is {what} in {given}, which does not convert to {unit}; give one in {unit}."
+            ) from None
+
+
 def carries_unit(value: Any) -> bool:
     """Whether a value, or what it holds, has a unit that NumPy would strip."""
     if isinstance(value, int | float | str | np.generic | jax.Array):

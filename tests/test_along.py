@@ -171,7 +171,7 @@ def test_derivatives_are_of_the_resolved_rod(jacobian):
 def test_traced_functions_that_fixed_panels_do_not_resolve():
     """A gentle function is right; of a narrow one frequencies are NaN, `sweep` counts them and a run ends `invalid`."""
     widths = jnp.array([0.01, 0.02, 0.2])
-    with pytest.warns(UserWarning, match="2 gave answers that are not finite"):
+    with pytest.warns(UserWarning, match="2 gave answers that are NaN"):
         got = jaxrod.sweep(lambda width: exact(neck(width))[0], widths)
     assert np.isnan(got[:2]).all()
     close(got[2], exact(neck(0.2))[0])
@@ -254,6 +254,23 @@ def test_by_a_pivot_on_a_knot(basis, want):
     function = lambda p: jaxrod.natural_frequencies(held(table(), basis, p))  # noqa: E731
     close(jax.jacfwd(function)(0.3), want, 1e-4)
     close(jax.jacrev(function)(0.3), want, 1e-4)
+
+
+def test_by_a_pivot_on_a_kink_that_was_looked_for():
+    """It is known to 1e-12 of the length alone, and no panel is left between the two."""
+    kinked = jaxrod.Rod(1.0, lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)), 1e7, 1200.0)
+    named = jaxrod.Rod(1.0, jaxrod.Profile(lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)), [0.4]), 1e7, 1200.0)
+    for rod in (kinked, named):
+        close(
+            jax.jacfwd(lambda p, rod=rod: jaxrod.natural_frequencies(held(rod, jaxrod.LoadRitz(2), p)))(0.4),
+            [64.7891, -144.2724],
+            1e-5,
+        )
+        close(
+            jax.jacfwd(lambda p, rod=rod: jaxrod.continuum.natural_frequencies(held(rod, jaxrod.Ritz(1), p), 2))(0.4),
+            [64.7346, -144.1636],
+            1e-5,
+        )
 
 
 @pytest.mark.slow

@@ -5,8 +5,10 @@ Right values: closed forms, and SciPy's DOP853 at 1e-12 where a number is given.
 
 import dataclasses
 import math
+from typing import Any
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -168,6 +170,73 @@ def test_base_that_cannot_be_differentiated_is_said(uniform, method):
     }[method]
     with pytest.warns(UserWarning, match=r"jaxrod\.Record"):
         _shaken(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])))
+
+
+def test_jumps_and_kinks_beside_other_motion_are_said(uniform):
+    """What is not accelerated there is so, whatever else moves; a sine of 900 periods is seen."""
+    moves = [
+        lambda t: jnp.where(t > 1, 0.5 * (t - 1), 0.0) + 0.01 * jnp.sin(3 * t),
+        lambda t: 0.1 * jnp.cos(t) + jnp.where(t > 1, 0.1, 0.0),
+    ]
+    for move in moves:
+        with pytest.warns(UserWarning, match="without accelerating it"):
+            _shaken(uniform, jaxrod.ShakenBase(lambda t, move=move: jnp.stack([move(t), 0.0 * t])))
+    jumping = scene(uniform, motion=jaxrod.Driven(lambda t: jnp.where(t > 1, 2 * t**2, t**2)), basis=jaxrod.Ritz(1))
+    with pytest.warns(UserWarning, match="without accelerating it"):
+        jaxrod.simulate(jumping, jumping.state(), t1=1.5)
+    _shaken(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([1e-4 * jnp.sin(3770 * t), 0.0 * t])))
+
+
+class Own(jaxrod.AbstractForce):
+    """A moment of one's own, held by a module with a function in it."""
+
+    moment: Any = eqx.field(static=True)
+
+    def power(self, t, state, virtual, body):
+        d = state.direction
+        return self.moment(t) * (d[0] * virtual.direction[1] - d[1] * virtual.direction[0])
+
+    def check(self, motion):
+        pass
+
+
+def test_short_loads_that_read_the_state_are_said(uniform):
+    """They are zero at each instant, at the start and beside it; what rests at the start alone is not questioned."""
+    short = pulse(5.0, 1e-3)
+    for force in (
+        jaxrod.Torque(lambda t, state: short(t) * jnp.cos(state.angle)),
+        jaxrod.TipForce(lambda t, state: short(t) * jnp.stack([-state.direction[1], state.direction[0]])),
+        Own(short),
+    ):
+        system = scene(uniform, force)
+        with pytest.warns(UserWarning, match=r"jaxrod\.Impulse"):
+            jaxrod.simulate(system, system.state(), t1=10.0)
+    brake = jaxrod.Torque(lambda t, state: jnp.where(t > 0.1, -0.1 * state.rate, 0.0))
+    growing = jaxrod.TipForce(lambda t, state: -100.0 * t * state.strain)
+    system = scene(uniform, brake, growing, basis=jaxrod.Ritz(1))
+    assert jaxrod.simulate(system, system.state(), t1=0.3).rate[-1] == 0.0
+
+
+def test_modules_that_hold_functions(uniform):
+    """A network, a partial, a drive: their functions are no numbers."""
+
+    class Held(eqx.Module):
+        shape: Any
+        most: jax.Array
+
+        def __call__(self, t, *_):
+            return self.most * self.shape(t)
+
+    def end(most, motion=None):
+        forces = [] if motion else [jaxrod.Torque(Held(jnp.sin, most))]
+        system = scene(uniform, *forces, motion=motion or ROTATION, basis=jaxrod.Ritz(1))
+        return jaxrod.simulate(system, system.state(), t1=0.5).tip[-1, 1]
+
+    plain = scene(uniform, jaxrod.Torque(lambda t, state: 2.0 * jnp.sin(t)), basis=jaxrod.Ritz(1))
+    right = jaxrod.simulate(plain, plain.state(), t1=0.5).tip[-1, 1]
+    np.testing.assert_allclose(end(jnp.asarray(2.0)), right, rtol=1e-12)
+    np.testing.assert_allclose(jax.grad(end)(2.0), right / 2, rtol=0.02)  # nearly linear
+    assert np.isfinite(end(None, jaxrod.Driven(Held(jnp.sin, jnp.asarray(2.0)))))
 
 
 def test_trolley_from_a_record(uniform):

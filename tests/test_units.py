@@ -153,6 +153,21 @@ def test_records_and_impulses():
     np.testing.assert_allclose([blow.total, blow.start, blow.width], [1e-3, 60.0, 1e-5])
     with pytest.raises(ValueError, match=r"Impulse\(width=\)=1 millimeter does not convert to s"):
         jaxrod.Impulse(1.0, 0.0, Q(1, "mm"))
+    assert jaxrod.TipForce(jaxrod.Record([0.0, 1.0], Q([0.0, 2.0], "kN"))).force.samples[1] == 2000.0
+    for wrong, message in (
+        (
+            lambda: jaxrod.Torque(jaxrod.Record([0.0, 1.0], Q([0.0, 2.0], "kN"))),
+            r"Torque\(moment=\) is a Record in kilonewton",
+        ),
+        (
+            lambda: jaxrod.Torque(jaxrod.Impulse(Q(1, "N"), 0.0, 1.0)),
+            r"Torque\(moment=\) is an Impulse in newton.*N m s",
+        ),
+        (lambda: jaxrod.ShakenBase(acceleration=record), r"ShakenBase\(acceleration=\) is a Record in millimeter"),
+        (lambda: jaxrod.Driven(record), r"Driven\(angle=\) is a Record in millimeter"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            wrong()
 
 
 def _scene():
@@ -360,6 +375,18 @@ def test_one_number_in_float32_is_named():
     assert sol.angle.dtype == jnp.float32 and "steps in float32: the run" in str(sol)
     with pytest.raises(ValueError, match=r"the exact rod needs float64: rod.young is in float32, so give Python"):
         jaxrod.continuum.simulate(scene, start, ts=jnp.array([0.1]))
+
+
+def test_float32_in_a_sweep_and_in_frequencies_is_named():
+    scene = _cone()
+    with pytest.warns(UserWarning, match="^start is in float32"):
+        found = jaxrod.sweep(
+            lambda rate: jaxrod.simulate(scene, scene.state(rate=rate), t1=0.1).angle[-1], np.ones(2, np.float32)
+        )
+    assert found.dtype == jnp.float32
+    for frequencies in (jaxrod.natural_frequencies, lambda scene: jaxrod.continuum.natural_frequencies(scene, 1)):
+        with pytest.warns(UserWarning, match="^rod.young is in float32"):
+            assert frequencies(_cone(np.float32(1e7))).dtype == jnp.float32
 
 
 def test_a_start_in_float32_is_named():

@@ -645,6 +645,7 @@ ROWS = [
     ),
     ("horizon: distance above tolerance", lambda: jaxrod.horizon(scene(), start(), t1=1.0, tolerance=1e-3, distance=1.0), r"distance=1 .*must", ValueError),
     ("horizon: rigid and driven", lambda: jaxrod.horizon(*_rigid_drive(), t1=1.0, tolerance=1e-3), r"Driven\(\).*take", ValueError),
+    ("continuum.natural_frequencies: n beyond patience", lambda: jaxrod.continuum.natural_frequencies(scene(), 100_000), "n=100000 must be a whole number of frequencies, 1 to 2000", ValueError),
     ("Measured: a number", lambda: jaxrod.Measured(3), r"Measured\(function=3\) is not a function; give", ValueError),
     ("Measured: text", lambda: jaxrod.Measured("a"), r"Measured\(function='a'\) is not a function; give", ValueError),
     ("Measured: a class", lambda: jaxrod.Measured(jaxrod.FinalTip), r"Measured\(function=.*give", ValueError),

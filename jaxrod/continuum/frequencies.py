@@ -10,11 +10,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import checks
+from .. import checks, precision
 from ..linear_algebra import inverse_root, singular_values
 from ..rod import Rod
 from ..stiffening import warn_of_forces
 from .compliance import Axial, axial, linear_support, order_for, support
+
+_MOST = 2000  # frequencies of a rod: they take half a minute, and four times as long for each doubling
 
 
 def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
@@ -34,7 +36,8 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     [19.239 67.424]
     """
     rod, pivot, free = support(system)
-    n = checks.count("n", n, 1, "frequencies")
+    n = checks.count("n", n, 1, "frequencies", _MOST)
+    precision.warn_if_lowered(checks.float_type(system), system, ())
     warn_of_forces("continuum.natural_frequencies", system)
     return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 
@@ -70,7 +73,7 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     [19.665 67.385]
     """
     rod, pivot, flying = linear_support(system)
-    n = checks.count("n", n, 1, "frequencies")
+    n = checks.count("n", n, 1, "frequencies", _MOST)
     checks.switch("free", free)
     warn_of_forces("continuum.spinning_frequencies", system)
     rate, order = checks.number("rate", rate, unit="rad/s"), order_for(rod, pivot, n)
