@@ -8,14 +8,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from . import checks
+from .quadrature import gauss
 from .resolution import ORDER, Resolution, moments, resolve
 
 _BLOCK = 4096  # points that a function is asked for together: always as many, so that it is compiled once
 _STANDS = 1e-6  # relative error that fixed panels may have
 _SAMPLES = 64  # panels that they are compared with
+_STEEP = 1e-3  # of the largest value: what the slope over a panel may be off
 _POINT = 1e-8  # of the largest area: no more than a point
 
 
@@ -58,6 +61,16 @@ def look_along(rod: Any, given: Any) -> Resolution:
         ends = np.unique(np.concatenate([[0.0, length], inner[(inner > 0) & (inner < length)]]))
         eps = float(jnp.finfo(checks.float_type(rod)).eps)
         found = dataclasses.replace(resolve(look, ends, eps), fixed=fixed)
+        panels = np.unique(np.concatenate([ends, found.knots, found.jumps]))
+        steep = [
+            _steepest(part, length, panels) for part in rod.parts if getattr(part, "bare", False) and _traced(part)
+        ]
+    for begin, end in filter(None, steep):
+        raise ValueError(
+            f"section, young or density is so steep between s={begin:.6g} and {end:.6g} m that its derivative by a traced number "
+            "would come out wrong; make it less steep, or a jump at a known place: Steps(breaks, values), or Profile(function, "
+            "breaks=[...])."
+        )
     if found.jumps and rod.deciding:
         raise ValueError(
             f"section, young or density jumps at s={found.jumps[0]:.6g} m, which a traced number decides: its derivative by that "
@@ -95,6 +108,32 @@ def _values(part: Any, length: float, s: np.ndarray) -> np.ndarray | None:
         return None
     values = jax.lax.stop_gradient(_area(part, jnp.asarray(length), s))
     return np.asarray(values, float) if checks.known(values) else None
+
+
+def _traced(part: Any) -> bool:
+    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or checks.closes_over_traced(part)
+
+
+def _steepest(part: Any, length: float, ends: np.ndarray) -> tuple[float, float] | None:
+    """Between which ends (m) of panels the slope of a part of the rod is not resolved; None if it is everywhere.
+
+    A number that moves the part along the rod has that slope for derivative.  Its integral over a panel is a difference.
+    """
+    x, w = gauss(ORDER)
+    skin = 1e-9 * np.diff(ends)
+    begin, end = ends[:-1] + skin, ends[1:] - skin
+    inner = (begin + end)[:, None] / 2 + (end - begin)[:, None] / 2 * x
+    points = np.concatenate([begin, end, inner.reshape(-1)])
+    values, slopes = (np.asarray(y, float) for y in jax.lax.stop_gradient(_slope(part, jnp.asarray(length), points)))
+    risen = values[begin.size : 2 * begin.size] - values[: begin.size]
+    off = np.abs(risen - (end - begin) / 2 * (slopes[2 * begin.size :].reshape(inner.shape) @ w))
+    worst = int(np.argmax(off))
+    return (begin[worst], end[worst]) if off[worst] > _STEEP * np.max(np.abs(values)) else None
+
+
+@eqx.filter_jit
+def _slope(part: Any, length, s):
+    return jax.jvp(lambda s: part.area(s, length), (s,), (jnp.ones_like(s),))
 
 
 @eqx.filter_jit

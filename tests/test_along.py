@@ -256,6 +256,21 @@ def test_by_a_pivot_on_a_knot(basis, want):
     close(jax.jacrev(function)(0.3), want, 1e-4)
 
 
+@pytest.mark.parametrize("width, right", [(1e-4, True), (1e-5, True), (1e-6, False), (1e-7, False)])
+def test_by_the_place_of_a_steep_step(width, right):
+    """Right, or refused: a slope that the panels do not resolve is a derivative that is not right."""
+
+    def first(place):
+        area = lambda s: 1e-4 + 3e-4 * jax.nn.sigmoid((place - s) / width)  # noqa: E731
+        return exact(area)[0]
+
+    if right:
+        close(jax.grad(first)(0.43), 749.479, 1e-3)
+    else:
+        with pytest.raises(ValueError, match=r"so steep between s=\S+ and \S+ m"):
+            jax.grad(first)(0.43)
+
+
 def test_by_a_pivot_on_a_kink_that_was_looked_for():
     """It is known to 1e-12 of the length alone, and no panel is left between the two."""
     kinked = jaxrod.Rod(1.0, lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)), 1e7, 1200.0)
