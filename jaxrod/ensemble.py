@@ -51,7 +51,7 @@ def sweep(
 
     **Raises:** `ValueError` for inputs without a common first axis, and for a block, devices or costs that make no sense.
 
-    **Warns** with the count of scenes whose `result` is not ok, and of answers that are NaN.
+    **Warns** with the count of scenes whose `result` is not ok, and of answers that are not finite.
 
     Memory is that of `inputs`, the answers, and one call of 16 blocks on each device.  Under `jax.jit` and other
     transformations a sweep is `jax.lax.map` in blocks: there `order_by`, `devices` and `progress` mean nothing, and the
@@ -188,6 +188,6 @@ def _warn(out: PyTree) -> None:
 
     leaves = jax.tree.leaves(out)
     failed = scenes([np.asarray(x) != Result.ok for x in leaves if x.dtype == jnp.int8])  # the type of result codes
-    lost = scenes([np.isnan(np.asarray(x)) for x in leaves if eqx.is_inexact_array(x)])
+    lost = scenes([~np.isfinite(np.asarray(x)) for x in leaves if eqx.is_inexact_array(x)])
     if failed or lost:
-        warnings.warn(f"sweep: {failed} scenes did not end ok, {lost} gave answers that are NaN.", stacklevel=3)
+        warnings.warn(f"sweep: {failed} scenes did not end ok, {lost} gave answers that are not finite.", stacklevel=3)

@@ -101,7 +101,8 @@ def _where_they_change(instants: Float[Array, " T"], changes: list[Float[Array, 
         for spent in (activity, jnp.cumsum(jnp.diff(activity, prepend=0.0) > 0)):
             shared = shared + spent / jnp.where(spent[-1] > 0, spent[-1], 1)
     parts = jnp.linspace(0.0, 1 - 1e-6, _CLOSER, dtype=instants.dtype)  # from before the first change to after the last
-    return jnp.interp(parts * shared[-1], shared, instants)
+    even = instants[0] + (instants[-1] - instants[0]) * parts
+    return jnp.where(shared[-1] > 0, jnp.interp(parts * shared[-1], shared, instants), even)
 
 
 def _knots(instants: Float[Array, " T"], each: list[Float[Array, " T"]]) -> Float[Array, " K"]:

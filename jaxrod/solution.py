@@ -146,7 +146,7 @@ class Solution(eqx.Module):
         t_end = np.atleast_1d(self.stats["t_end"])[bad][0]
         where = f"at t={t_end:.9g} s" if bad.size == 1 else f"in {bad.sum()} of {bad.size} scenes"
         longest = np.nanmin(self.stats.get("longest_step", np.inf))
-        if np.isfinite(longest) and np.any(np.atleast_1d(self.result == Result.coarse)):
+        if longest < np.finfo(np.float32).max and np.any(np.atleast_1d(self.result == Result.coarse)):
             where += f"; the longest step that can be stable is {longest:.4g} s"
         system, stopped = self.system, bad.size == 1 and bool(np.all(self.result == Result.max_steps))
         if stopped and isinstance(system, System) and system.forces and _overdamped(system, self.start):

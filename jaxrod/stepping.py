@@ -153,7 +153,7 @@ def step_through(
             "num_accepted_steps": steps,
             "num_rejected_steps": jnp.zeros_like(steps),
             "t_end": last.t,
-            "longest_step": longest,
+            "longest_step": jnp.minimum(longest, jnp.finfo(longest.dtype).max),  # of a method without one
             "lowest_strain": last.lowest,
             "step": (last.t - t0) / jnp.maximum(steps, 1),
             **({} if looked is None else {"unseen": looked.unseen}),

@@ -62,6 +62,13 @@ def test_bit_equal_beside_a_lane_that_collapses():
     assert (beside["result"] == Result.invalid)[20] and not (beside["result"] == Result.ok)[5]
 
 
+def test_whole_solutions_of_a_sweep_draw_no_warning():
+    """A method whose steps may be as long as one likes says so by a number."""
+    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+    runs = jaxrod.sweep(lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=0.1), RATES[:3])
+    assert runs.ok.all() and np.isfinite(runs.stats["longest_step"]).all()
+
+
 def test_gradients_in_a_sweep():
     """Forward and reverse derivatives of each scene, as of one scene alone."""
     fn = _scene()
