@@ -34,7 +34,8 @@ NUMBER = r"[-+]?\d+\.?\d*(?:e[-+]?\d+)?"
 
 
 def assert_alike(found: str, committed: str) -> None:
-    """The same words, and the same numbers but for rounding."""
+    """The same words, and the same numbers but for rounding; how many steps a fit takes is of the version of JAX."""
+    found, committed = (re.sub(r"\d+ steps", "steps", text) for text in (found, committed))
     words, before = (re.sub(rf"\s+|{NUMBER}", " ", text).split() for text in (found, committed))
     assert words == before
     numbers, before = (list(map(float, re.findall(NUMBER, text))) for text in (found, committed))
