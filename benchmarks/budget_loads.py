@@ -151,9 +151,9 @@ def main() -> None:
     rows.append(["all", *judged(found)])
     text = (
         f"## Of random loads\n\n`python benchmarks/budget_loads.py --scenes {arguments.scenes} --seed {arguments.seed}`, "
-        f"{(time.perf_counter() - began) / 60:.0f} min.  Percent of errors inside the bound / percent that have a bound, of those "
-        "whose error is less than a tenth of the range / how many others have none / how many the truth is not good enough to "
-        "judge.\n\n"
+        f"{(time.perf_counter() - began) / 60:.0f} min.  Percent of errors inside the bound / percent that have a bound, of "
+        "those whose error is less than a tenth of the range / how many others have none / how many the truth is not good "
+        "enough to judge.\n\n"
     )
     if not arguments.kinds:
         report.write("loads", text + report.table(["scenes", "ended ok", *NAMES], rows), PAGE)
