@@ -221,6 +221,7 @@ def test_the_place_of_a_jump_is_not_a_number_under_jit():
     close(eqx.filter_grad(lambda x: x.mass)(body).density, float(body.mass) / 7800)
 
 
+@pytest.mark.slow
 def test_derivatives_by_what_is_no_place_of_a_jump():
     """The area of a step; the place of a kink, in all spellings."""
 

@@ -226,6 +226,7 @@ def test_a_run_that_stops_has_no_bound(cone):
     assert np.isinf(budget.bound) and np.isfinite(budget.step) and "did not reach its end" in str(budget)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("at", [-0.1, 1.1, np.nan])
 def test_a_section_that_is_not_there(cone, at):
     system, start = _scene(cone, jaxrod.Ritz(1))

@@ -257,6 +257,7 @@ def test_uniform_motion_of_base_and_drive_is_not_questioned(uniform, dtype):
     assert jaxrod.simulate(*in_type(dtype, (driven, driven.state())), t1=0.1).ok
 
 
+@pytest.mark.slow
 def test_drive_from_a_record(uniform):
     times = jnp.linspace(0.0, 0.5, 501)
     formula = scene(uniform, motion=jaxrod.Driven(lambda t: 40 * t**2), basis=jaxrod.Ritz(2))

@@ -48,7 +48,7 @@ def test_followed_in_other_scenes_and_in_sweeps(rigid_plan):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("tolerance", [1e-2, 1e-4])
+@pytest.mark.parametrize("tolerance", [1e-4])
 def test_rubber_cone(cone, tolerance):
     """The angle after two seconds from a sudden start, which uniform strain misses by 0.23 rad."""
     exact = 28.9782615555
@@ -67,8 +67,6 @@ def test_kinks_cannot_be_met(uniform):
     start = system.state(strain=0.02)
     found = jaxrod.plan(system, start, t1=0.03, tolerance=1e-7)
     assert not found.met and "cannot be met, because the answer of the exact rod is known to" in str(found)
-    rough = jaxrod.plan(system, start, t1=0.03, tolerance=5e-6)
-    assert not rough.met and "from the exact rod, and 24 shapes would not mend it" in str(rough)
     with pytest.raises(ValueError, match="cannot be met"):
         jaxrod.simulate(system, start, t1=0.03, tolerance=found)
 

@@ -33,6 +33,7 @@ def test_closed_form(cone):
     assert found.apart == 0.0
 
 
+@pytest.mark.slow
 def test_a_plan_for_a_frequency(cone):
     """A rigid rod has none, uniform strain is 19 % off, two shapes are enough for a tenth of a Hz."""
     system = jaxrod.System(cone, jaxrod.Rotation())

@@ -288,6 +288,7 @@ def test_a_pulse_is_met(cone):
     np.testing.assert_allclose(sol.tip, fine.tip, atol=1e-7)
 
 
+@pytest.mark.slow
 def test_numbers_in_closures(cone):
     """A load or a motion that closes over a traced number has derivatives, and maps."""
 

@@ -74,6 +74,7 @@ def test_refusals(cone):
         main(["tradeoff", "impact", "--seconds", "0"])
 
 
+@pytest.mark.slow
 def test_laws_and_late_starts_have_their_rungs(cone):
     """No condensed rung of a law that is not Hooke's; driven neither; and a steady strain is that of its own time."""
     stiffening = dataclasses.replace(cone, law=jaxrod.law.neo_hookean)
