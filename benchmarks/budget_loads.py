@@ -65,13 +65,13 @@ def times(p):
 
 
 def one(kind, p) -> dict[str, np.ndarray]:
-    """Of each quantity its `value`, `off`, the true error, its `bound`, and the error of the truth, `blur`; how it ended."""
+    """Of each quantity `off`, the true error, its `bound`, and the error of the truth, `blur`; how it ended."""
     system, start = kind.build(p, random_loads.blow(kind.form, p), kind.forces)
     own = jaxrod.Measured(asked, largest=jnp.asarray(RANGE))
     with report.quiet():
         sol = jaxrod.simulate(system, start, t0=p["t0"], ts=times(p), budget=own, throw=False)
         (half, _), (true, ok) = (truth(kind, p, n) for n in SHAPES)
-    found = {"value": sol.budget.value, "off": sol.budget.value - true, "bound": sol.budget.bound, "blur": true - half}
+    found = {"off": sol.budget.value - true, "bound": sol.budget.bound, "blur": true - half}
     found = {name: abs(np.asarray(x)) for name, x in found.items()}
     if isinstance(system.motion, jaxrod.Driven):
         found["off"][NAMES.index("angle")] = np.nan
@@ -88,9 +88,7 @@ def look(index: int, each: int, seed: int) -> dict[str, np.ndarray]:
             rows.append(one(kind, {name: jnp.asarray(x[k]) for name, x in p.items()}))
         except ValueError as refused:  # samples closer than the digits of their stamps
             print(f"   {kind.name}, scene {k}: {refused}", flush=True)
-            rows.append(
-                {"ok": np.asarray(False)} | dict.fromkeys(("value", "off", "bound", "blur"), np.full(4, np.nan))
-            )
+            rows.append({"ok": np.asarray(False)} | dict.fromkeys(("off", "bound", "blur"), np.full(4, np.nan)))
     found = {name: np.stack([row[name] for row in rows]) for name in rows[0]}
     v, ok = verdict([found]), found["ok"]
     for i, k in np.argwhere(v["seen"] & ~v["inside"]):

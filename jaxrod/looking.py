@@ -8,10 +8,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Bool, Float
 
 from . import checks
+from .places import traced
 from .quadrature import gauss
 from .resolution import ORDER, Resolution, moments, resolve
 
@@ -62,9 +62,7 @@ def look_along(rod: Any, given: Any) -> Resolution:
         eps = float(jnp.finfo(checks.float_type(rod)).eps)
         found = dataclasses.replace(resolve(look, ends, eps), fixed=fixed)
         panels = np.unique(np.concatenate([ends, found.knots, found.jumps]))
-        steep = [
-            _steepest(part, length, panels) for part in rod.parts if getattr(part, "bare", False) and _traced(part)
-        ]
+        steep = [_steepest(part, length, panels) for part in rod.parts if getattr(part, "bare", False) and traced(part)]
     for begin, end in filter(None, steep):
         raise ValueError(
             f"section, young or density is so steep between s={begin:.6g} and {end:.6g} m that its derivative by a traced number "
@@ -108,10 +106,6 @@ def _values(part: Any, length: float, s: np.ndarray) -> np.ndarray | None:
         return None
     values = jax.lax.stop_gradient(_area(part, jnp.asarray(length), s))
     return np.asarray(values, float) if checks.known(values) else None
-
-
-def _traced(part: Any) -> bool:
-    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or checks.closes_over_traced(part)
 
 
 def _steepest(part: Any, length: float, ends: np.ndarray) -> tuple[float, float] | None:

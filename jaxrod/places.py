@@ -16,11 +16,16 @@ _ALONG = frozenset(["s"])
 _STEPPED = {"floor", "ceil", "round", "sign", "rem"}  # steps in floating point; comparisons and integers step anyway
 
 
+def traced(part: Any) -> bool:
+    """Whether a number in its pytree, or in its closures, is traced."""
+    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or checks.closes_over_traced(part)
+
+
 def deciding(part: Any, s: Any) -> list[Inexact[Array, "..."]]:
     """The traced numbers in part(s), of its pytree and of its closures, that are compared with s."""
     numbers, rest = eqx.partition(part, eqx.is_array)
     leaves, structure = jax.tree.flatten(numbers)
-    if not any(isinstance(x, Tracer) for x in leaves) and not checks.closes_over_traced(part):
+    if not traced(part):
         return []
 
     def values(leaves, s):

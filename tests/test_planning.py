@@ -67,6 +67,8 @@ def test_kinks_cannot_be_met(uniform):
     start = system.state(strain=0.02)
     found = jaxrod.plan(system, start, t1=0.03, tolerance=1e-7)
     assert not found.met and "cannot be met, because the answer of the exact rod is known to" in str(found)
+    rough = jaxrod.plan(system, start, t1=0.03, tolerance=5e-6)
+    assert not rough.met and "from the exact rod, and 24 shapes would not mend it" in str(rough)
     with pytest.raises(ValueError, match="cannot be met"):
         jaxrod.simulate(system, start, t1=0.03, tolerance=found)
 
@@ -92,7 +94,7 @@ def test_laws_of_strain_and_late_starts(cone):
     true = quantity(jaxrod.continuum.simulate(system, start, ts=ts))
     assert (
         found.met
-        and abs(quantity(jaxrod.simulate(system, start, ts=ts, tolerance=found)) - true) <= found.error <= 1e-2
+        and abs(quantity(jaxrod.simulate(system, start, ts=ts, tolerance=found)) - true) <= found.error <= 1e-3
     )
     faster = jaxrod.System(cone, jaxrod.Driven(lambda t: 5.0 * t**2))
     when = {"t0": 2.0, "t1": 2.1}
