@@ -16,7 +16,7 @@ import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
 from jaxrod.flat import Flat  # noqa: E402
-from jaxrod.lanes import Numbers  # noqa: E402
+from jaxrod.core.scalarize import Numbers  # noqa: E402
 
 STEPS, LANES = 2200, 64
 

@@ -55,8 +55,8 @@ from .quantity import FinalTip as FinalTip
 from .quantity import FirstFrequency as FirstFrequency
 from .quantity import LargestStrain as LargestStrain
 from .quantity import Measured as Measured
-from .result import Result as Result
-from .result import SimulationError as SimulationError
+from .core.result import Result as Result
+from .core.result import SimulationError as SimulationError
 from .rod import Lumped as Lumped
 from .rod import Rod as Rod
 from .section import Cone as Cone

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import calling, checks, configuration, precision, units
+from .core import calling, validation, precision, units
+from . import configuration
 from .chart import AbstractChart
 from .lagrangian import Lagrangian
 from .motion import Driven, State, check_start
@@ -26,17 +27,17 @@ _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 def check_scene(system: Any, start: Any, chart: Any = None) -> None:
     if not isinstance(system, System | Lagrangian):
         raise ValueError(
-            f"system={checks.given(system)} cannot be simulated; give a System, or Lagrangian(function of t, q, v)."
+            f"system={validation.given(system)} cannot be simulated; give a System, or Lagrangian(function of t, q, v)."
         )
     pair = isinstance(start, tuple | list) and len(start) == 2
     if not (isinstance(start, State) if isinstance(system, System) else pair):
         needed = "a state, made by system.state(angle=..., rate=...)" if isinstance(system, System) else "a pair (q, v)"
-        raise ValueError(f"start={checks.given(start)} does not fit; this system starts from {needed}, so give that.")
+        raise ValueError(f"start={validation.given(start)} does not fit; this system starts from {needed}, so give that.")
     if isinstance(system, Lagrangian):
         system.check(calling.like(), *start)
     if chart is not None and not (isinstance(chart, AbstractChart) and isinstance(system, System)):
         raise ValueError(
-            f"chart={checks.given(chart)} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
+            f"chart={validation.given(chart)} does not fit; give a System Angles(), Embedded() or Director(), a Lagrangian none."
         )
 
 
@@ -49,8 +50,8 @@ def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize
         ("stepsize_controller", stepsize_controller, diffrax.AbstractStepSizeController, "diffrax.ConstantStepSize()"),
     ):
         if value is not None and not isinstance(value, kind):
-            raise ValueError(f"{name}={checks.given(value)} does not fit; give an instance, such as {example}.")
-    checks.switch("throw", throw)
+            raise ValueError(f"{name}={validation.given(value)} does not fit; give an instance, such as {example}.")
+    validation.switch("throw", throw)
     t = calling.like()
     if saveat is not None and isinstance(saveat.subs, diffrax.SubSaveAt):
         wanted = "(t, state, args) -> arrays"
@@ -61,7 +62,7 @@ def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize
         others = dict.fromkeys(("terms", "solver", "t0", "t1", "dt0", "saveat", "stepsize_controller", "max_steps"))
         for condition in jax.tree.leaves(event.cond_fn, is_leaf=callable):
             if not callable(condition):
-                raise ValueError(f"event={checks.given(condition)} is not a condition; give diffrax.Event(function).")
+                raise ValueError(f"event={validation.given(condition)} is not a condition; give diffrax.Event(function).")
             checked = jax.tree_util.Partial(condition, **others)
             calling.tried("event", "(t, state, args, **kwargs) -> one number", checked, t, start, None, shapes=[()])
 
@@ -76,11 +77,11 @@ def check_system(system: Any, start: Any) -> None:
 def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
     """What is run in many ways, and with float64 beside: a scene whose numbers are there."""
     check_system(system, start)
-    if not all(map(checks.known, jax.tree.leaves((system, start)))):
+    if not all(map(validation.known, jax.tree.leaves((system, start)))):
         raise ValueError(f"the scene is traced; {instead}.")
     if jnp.result_type(float) != jnp.float64:
         raise ValueError(f"the exact rod needs float64: {configuration.remedy_of_float32()}.")
-    checks.switch("static", static)
+    validation.switch("static", static)
     if static and isinstance(system.rod, Rod) and not system.rod.linear:
         raise ValueError(
             f"static=True is of Hooke's law; give start its strain (jaxrod.equilibrium), or leave out law={system.rod.law_name}."
@@ -93,7 +94,7 @@ def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | 
         why = system.unsplit if isinstance(system, System) else "it is any Lagrangian"
         raise ValueError(f"solver={name}() cannot step this scene: {why}; take solver=diffrax.Dopri8().")
     if chart is not None:
-        raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={checks.given(chart)}.")
+        raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={validation.given(chart)}.")
     if solver.needs_nystrom and system.basis.n and not (system.splits_flat or isinstance(system.motion, Driven)):
         raise ValueError(
             f"solver={name}() keeps its order for uniform strain, rigid and driven rods alone; take ABA864() or BlanesMoan4()."
@@ -136,31 +137,31 @@ def times(ts, t1, t0, saveat, dtype, by_the_clock: bool = False) -> Times:
         raise ValueError(
             "saveat= goes with t1=, without dense= and subs=; give SaveAt(ts=...), SaveAt(steps=True), or ts=."
         )
-    zero = checks.number("t0", t0)
+    zero = validation.number("t0", t0)
     inner = None if saveat is None else saveat.subs.ts
-    if inner is not None and checks.fails(lambda ts, t0, t1: (ts >= t0) & (ts <= t1), inner, t0, t1):
-        raise ValueError(f"saveat.ts={checks.shown(inner)} must lie between t0={checks.shown(zero)} and t1={t1}.")
+    if inner is not None and validation.fails(lambda ts, t0, t1: (ts >= t0) & (ts <= t1), inner, t0, t1):
+        raise ValueError(f"saveat.ts={validation.shown(inner)} must lie between t0={validation.shown(zero)} and t1={t1}.")
     if ts is None:
-        checks.number("t1", t1)
+        validation.number("t1", t1)
         end = since(t0, t1)
-        if checks.fails(lambda passed: passed > 0, end):
-            raise ValueError(f"t1={checks.shown(t1)} does not lie after t0={checks.shown(zero)}; give a later t1=.")
+        if validation.fails(lambda passed: passed > 0, end):
+            raise ValueError(f"t1={validation.shown(t1)} does not lie after t0={validation.shown(zero)}; give a later t1=.")
         saved = None
     else:
-        checks.numbers("ts", ts, "times in s")
+        validation.numbers("ts", ts, "times in s")
         saved = since(t0, ts)
         end = saved[-1]
-        if checks.fails(lambda passed: np.diff(passed) > 0, saved):
+        if validation.fails(lambda passed: np.diff(passed) > 0, saved):
             first = int(np.argmin(np.diff(saved) > 0))
             raise ValueError(
                 f"ts must increase, but ts[{first}]={float(ts[first]):.9g} is followed by {float(ts[first + 1]):.9g}; sort "
                 "it and drop doubles."
             )
-        if checks.fails(lambda passed: (passed[0] >= 0) & (passed[-1] > 0), saved):
+        if validation.fails(lambda passed: (passed[0] >= 0) & (passed[-1] > 0), saved):
             raise ValueError(
-                f"ts={checks.shown(ts)} does not lie after the start t0={checks.shown(zero)}; give later times, or t0=."
+                f"ts={validation.shown(ts)} does not lie after the start t0={validation.shown(zero)}; give later times, or t0=."
             )
-    if by_the_clock or checks.fails(lambda t0: t0 != 0, t0):
+    if by_the_clock or validation.fails(lambda t0: t0 != 0, t0):
         whole = None if ts is None else jnp.asarray(ts, dtype)
         return Times(None, zero.astype(dtype), jnp.asarray(t1, dtype) if whole is None else whole[-1], whole)
     saved = None if saved is None else jnp.asarray(saved, dtype)
@@ -192,29 +193,29 @@ def checked_tolerance(tolerance, dtype, scene: tuple) -> Float[Array, ""]:
     name = jnp.dtype(dtype).name
     if tolerance is None:
         tolerance = _DEFAULT_TOLERANCE[name]
-    tolerance = checks.positive("tolerance", tolerance, "", "relative error of the tip's position")
-    if checks.fails(lambda tolerance: tolerance < 1, tolerance):
-        raise ValueError(f"tolerance={checks.shown(tolerance)} is a relative error of 1 or more; give a smaller one.")
-    if checks.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
+    tolerance = validation.positive("tolerance", tolerance, "", "relative error of the tip's position")
+    if validation.fails(lambda tolerance: tolerance < 1, tolerance):
+        raise ValueError(f"tolerance={validation.shown(tolerance)} is a relative error of 1 or more; give a smaller one.")
+    if validation.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
         other = precision.remedy(*scene) if name == "float32" else "take a larger one"
         raise ValueError(
-            f"tolerance={checks.shown(tolerance)} is beyond {name}, which reaches {LEAST_TOLERANCE[name]:.0e}; {other}."
+            f"tolerance={validation.shown(tolerance)} is beyond {name}, which reaches {LEAST_TOLERANCE[name]:.0e}; {other}."
         )
     return tolerance.astype(dtype)
 
 
 def check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
     if not isinstance(solver, diffrax.AbstractSolver | AbstractMultistep):
-        raise ValueError(f"solver={checks.given(solver)} is not a solver; give an instance, such as diffrax.Tsit5().")
+        raise ValueError(f"solver={validation.given(solver)} is not a solver; give an instance, such as diffrax.Tsit5().")
     if dt0 is not None:
-        checks.positive("dt0", dt0, "s", "seconds")
+        validation.positive("dt0", dt0, "s", "seconds")
     if n_steps is not None:
-        n_steps = checks.number("n_steps", n_steps)
-        if checks.fails(lambda n: (n >= 1) & (n == np.floor(n)), n_steps):
-            raise ValueError(f"n_steps={checks.shown(n_steps)} must be a positive whole number.")
+        n_steps = validation.number("n_steps", n_steps)
+        if validation.fails(lambda n: (n >= 1) & (n == np.floor(n)), n_steps):
+            raise ValueError(f"n_steps={validation.shown(n_steps)} must be a positive whole number.")
         if dt0 is not None or stepsize_controller is not None:
             raise ValueError(
-                f"n_steps={checks.brief(n_steps)} fixes the steps; leave out dt0= and stepsize_controller=."
+                f"n_steps={validation.brief(n_steps)} fixes the steps; leave out dt0= and stepsize_controller=."
             )
     elif isinstance(solver, BlanesMoan6 | ABA864) and plain:
         return  # steps are counted by the tolerance

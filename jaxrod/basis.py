@@ -16,9 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from .core import validation
 from .projection import Projection, inverse_root, lumped
-from .quadrature import Panels, legendre, local
+from .core.quadrature import Panels, legendre, local
 from .rod import Lumped, Rod
 
 
@@ -126,7 +126,7 @@ class AbstractShapes(AbstractBasis):
         if type(self.n) is not int or self.n < 0:
             name = type(self).__name__
             raise ValueError(
-                f"{name}(n={checks.given(self.n)}) is not available; give a whole number of strain shapes, 0 for rigid."
+                f"{name}(n={validation.given(self.n)}) is not available; give a whole number of strain shapes, 0 for rigid."
             )
 
 
@@ -189,7 +189,7 @@ class ForceRitz(AbstractShapes):
         return False
 
     def misfit(self, rod):
-        if not self.n or isinstance(rod, Lumped) or not checks.fails(np.logical_not, _pointed(rod)):
+        if not self.n or isinstance(rod, Lumped) or not validation.fails(np.logical_not, _pointed(rod)):
             return ""
         return (
             f"basis={self!r} has an axial force everywhere, but section={rod.section!r} comes to a point, where a force would "
@@ -252,7 +252,7 @@ class QuasiStatic(AbstractBasis):
     def __init__(self, basis: AbstractBasis):
         if not isinstance(basis, AbstractBasis) or isinstance(basis, QuasiStatic) or basis.n < 1:
             raise ValueError(
-                f"QuasiStatic(basis={checks.given(basis)}) has no strain to condense; give a basis such as Ritz(3)."
+                f"QuasiStatic(basis={validation.given(basis)}) has no strain to condense; give a basis such as Ritz(3)."
             )
         self.basis = basis
 
@@ -275,7 +275,7 @@ class QuasiStatic(AbstractBasis):
         return self.basis.strains(rod, s, pivot, free)
 
 
-@checks.at_once
+@validation.at_once
 def _pointed(rod: Rod):
     return rod.section.pointed(rod.length)
 

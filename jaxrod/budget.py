@@ -21,12 +21,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks
+from .core import calling, validation
 from .ladder import on_rung, richer
 from .limits import ModelLimits, model_limits
 from .motion import State
 from .quantity import AbstractQuantity
-from .result import Result
+from .core.result import Result
 from .rod import Rod
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE
@@ -70,7 +70,7 @@ class Budget(eqx.Module):
         return jnp.where(self.bounded, jnp.maximum(self.model + self.step + self.rounding, _FLOOR), jnp.inf)
 
     def __str__(self):
-        if not checks.known(self.value) or self.span.ndim:
+        if not validation.known(self.value) or self.span.ndim:
             return f"Budget of the {self.name} of many runs: `bound` and its parts have their leading axes"
         lines, unit = [], f" {self.unit}".rstrip()
         for index in np.ndindex(self.value.shape):

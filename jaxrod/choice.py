@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 
 from .basis import AbstractBasis, QuasiStatic
-from .checks import in_type
+from .core.validation import in_type
 from .equations import eigenvalues
 from .ladder import brought
 from .motion import State

@@ -5,7 +5,7 @@ from typing import Any
 import diffrax
 import jax.numpy as jnp
 
-from . import checks
+from .core import validation
 from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .lagrangian import Lagrangian
 from .motion import Driven
@@ -46,7 +46,7 @@ def default_chart(system: Any) -> AbstractChart:
     check_system(system)
     if isinstance(system.motion, Driven):
         return Strains()
-    if checks.float_type(system) == jnp.float32:
+    if validation.float_type(system) == jnp.float32:
         return Director()
     if system.motion.dimension == 2:
         return Angles()

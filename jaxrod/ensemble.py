@@ -18,8 +18,9 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 from tqdm import tqdm
 
-from . import calling, checks, configuration
-from .result import Result
+from .core import calling, validation
+from . import configuration
+from .core.result import Result
 
 _LANES = 64  # of every program: eight of the widest registers, which is what hides their latency
 _WANTED = "of one input -> a pytree of arrays"
@@ -62,19 +63,19 @@ def sweep(
     [0. 1. 4. 9.]
     """
     if not callable(fn):
-        raise ValueError(f"fn={checks.given(fn)} is not a function; give one of one input.")
+        raise ValueError(f"fn={validation.given(fn)} is not a function; give one of one input.")
     for leaf in jax.tree.leaves(inputs):
         text = isinstance(leaf, np.ndarray | np.generic) and leaf.dtype.kind in "OSUV"
         if text or not eqx.is_array_like(leaf):
-            raise ValueError(f"inputs holds {checks.given(leaf)}, which is no array of numbers; give arrays.")
+            raise ValueError(f"inputs holds {validation.given(leaf)}, which is no array of numbers; give arrays.")
     sizes = {jnp.shape(leaf)[:1] for leaf in jax.tree.leaves(inputs)}
     if len(sizes) != 1 or sizes & {(), (0,)}:
         shapes = {jax.tree_util.keystr(path) or "inputs": jnp.shape(x) for path, x in jax.tree.leaves_with_path(inputs)}
         raise ValueError(f"inputs have shapes {shapes}; give arrays of one common first axis, an entry for each scene.")
     if isinstance(block, bool) or not isinstance(block, int | np.integer) or block < 1:
-        raise ValueError(f"block={checks.given(block)} must be a positive whole number of scenes.")
-    checks.optional_switch("progress", progress)
-    if checks.closes_over_traced(fn) or not all(map(checks.known, jax.tree.leaves((fn, inputs)))):
+        raise ValueError(f"block={validation.given(block)} must be a positive whole number of scenes.")
+    validation.optional_switch("progress", progress)
+    if validation.closes_over_traced(fn) or not all(map(validation.known, jax.tree.leaves((fn, inputs)))):
         return jax.lax.map(lambda x: calling.arrays("fn", _WANTED, fn, x), inputs, batch_size=block)
     workers = _workers(devices)
     configuration.complain_once()
@@ -107,7 +108,7 @@ def _workers(count: int | None) -> int:
     if count is None:
         return found
     if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-        raise ValueError(f"devices={checks.given(count)} must be a positive whole number.")
+        raise ValueError(f"devices={validation.given(count)} must be a positive whole number.")
     if count > found:
         raise ValueError(
             f"devices={count} are not there, JAX has {found}; call jaxrod.configure(devices={count}) before anything "
@@ -129,7 +130,7 @@ def _order(order_by: Any, inputs, scenes: int) -> np.ndarray:
         return calling.answer("order_by", "of one input -> its predicted cost", order_by, x, shapes=[()])
 
     many = jax.jit(lambda inputs: jax.lax.map(cost_of, inputs, batch_size=_LANES))
-    cost = np.asarray(many(inputs) if callable(order_by) else checks.reals("order_by", order_by))
+    cost = np.asarray(many(inputs) if callable(order_by) else validation.reals("order_by", order_by))
     if cost.shape != (scenes,) or not np.all(np.isfinite(cost)):
         raise ValueError(
             f"order_by gives numbers of shape {cost.shape} for {scenes} scenes; give one predicted cost a scene, finite."

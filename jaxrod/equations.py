@@ -13,8 +13,8 @@ from . import energy
 from .chart import AbstractChart
 from .force import AbstractForce
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
-from .lanes import depends_on_first
-from .linear_algebra import eigvalsh
+from .core.scalarize import depends_on_first
+from .core.linear_algebra import eigvalsh
 from .motion import AbstractMotion, Placement, State
 from .projection import Projection
 

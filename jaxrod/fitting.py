@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import calling, checks
+from .core import calling, validation
 from .basis import AbstractBasis, QuasiStatic, Ritz
 from .force import AbstractForce, KelvinVoigt
 from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
@@ -28,12 +28,12 @@ def check_parts(rod, motion, basis, forces, body: Callable[[], Projection]) -> N
     ):
         if not isinstance(value, kind):
             raise ValueError(
-                f"{name}={checks.given(value)} is not a {name}; give an instance such as {_EXAMPLES[name]}."
+                f"{name}={validation.given(value)} is not a {name}; give an instance such as {_EXAMPLES[name]}."
             )
     for force in forces:
         if not isinstance(force, AbstractForce):
             raise ValueError(
-                f"forces holds {checks.given(force)}, which is not a force; give Torque, PivotFriction or your own."
+                f"forces holds {validation.given(force)}, which is not a force; give Torque, PivotFriction or your own."
             )
         force.check(motion)
     _check_support(rod, motion, basis)
@@ -58,7 +58,7 @@ def _try_forces(motion, basis, forces, body) -> None:
         force.try_out(t, state, lambda force=force: _try_power(force, t, state, body))
         if isinstance(force, KelvinVoigt) and (basis.n == 0 or isinstance(basis, QuasiStatic)):
             warnings.warn(
-                f"KelvinVoigt() does nothing with basis={checks.given(basis)}, whose strain has no rate; leave it out, or "
+                f"KelvinVoigt() does nothing with basis={validation.given(basis)}, whose strain has no rate; leave it out, or "
                 "take a basis with inertia such as Ritz(1).",
                 stacklevel=6,
             )
@@ -71,11 +71,11 @@ def _try_power(force: AbstractForce, t, state: State, body: Callable[[], Project
     numbers = jax.tree.map(lambda x: np.linspace(1.0, 2.0, x.size).reshape(x.shape), eqx.filter_eval_shape(body))
     rate = Placement(state.direction_rate, state.amplitude_rates, state.center_velocity)
     calling.tried(name, wanted, force.power, t, state, rate, numbers, shapes=[()])
-    if checks.closes_over_traced(force) or not all(map(checks.known, jax.tree.leaves(force))):
+    if validation.closes_over_traced(force) or not all(map(validation.known, jax.tree.leaves(force))):
         return
     with jax.ensure_compile_time_eval():
         off, size = _not_linear(force, t, state, rate, numbers)
-    if checks.fails(lambda off, size: off <= 1e-3 * size, off, size):
+    if validation.fails(lambda off, size: off <= 1e-3 * size, off, size):
         raise ValueError(f"{name} is not linear in the virtual velocity; give a function {wanted}.")
 
 
@@ -97,33 +97,33 @@ def _check_support(rod, motion, basis):
             raise ValueError("rod=Lumped(...) is given about its pivot already; leave out pivot=.")
         if basis.n > 1 or not isinstance(basis, Ritz):
             raise ValueError(
-                f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {checks.given(basis)}."
+                f"rod=Lumped(...) has one uniform strain; take Ritz(1) or Ritz(0), not {validation.given(basis)}."
             )
         return
     if misfit := basis.misfit(rod):
         raise ValueError(misfit)
     if isinstance(basis, QuasiStatic) and not rod.linear:
         raise ValueError(
-            f"basis={checks.given(basis)} condenses Hooke's law only; leave out law= of the rod, or take {basis.basis!r}."
+            f"basis={validation.given(basis)} condenses Hooke's law only; leave out law= of the rod, or take {basis.basis!r}."
         )
     if isinstance(basis, QuasiStatic) and isinstance(motion, Driven):
         raise ValueError(
-            f"basis={checks.given(basis)} leaves nothing to move where the rotation is Driven; take {basis.basis!r}, "
+            f"basis={validation.given(basis)} leaves nothing to move where the rotation is Driven; take {basis.basis!r}, "
             "or jaxrod.equilibrium for the static strain."
         )
     if isinstance(motion, AbstractPivoted):
         pivot, length = jnp.zeros(()) if pivot is None else pivot, rod.length
-        if checks.fails(np.less_equal, pivot, length):
+        if validation.fails(np.less_equal, pivot, length):
             raise ValueError(
-                f"pivot={checks.shown(pivot)} lies beyond the rod; it must be within length={checks.shown(length)} m."
+                f"pivot={validation.shown(pivot)} lies beyond the rod; it must be within length={validation.shown(length)} m."
             )
-        if checks.fails(lambda area: area > 0, _area(rod, pivot)):
+        if validation.fails(lambda area: area > 0, _area(rod, pivot)):
             raise ValueError(
-                f"pivot={checks.shown(pivot)} m is where the section vanishes, and a pin at a point holds nothing; "
+                f"pivot={validation.shown(pivot)} m is where the section vanishes, and a pin at a point holds nothing; "
                 "move the pivot or give the end a radius."
             )
 
 
-@checks.at_once
+@validation.at_once
 def _area(rod: Rod, s):
     return rod.area(s)

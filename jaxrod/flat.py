@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from . import energy
 from .chart import Embedded
 from .equations import Moving, Scene
-from .lanes import Numbers, by_number, gathered, scattered
+from .core.scalarize import Numbers, by_number, gathered, scattered
 from .motion import State
 from .splitting import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
 

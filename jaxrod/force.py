@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks, units
-from .lanes import depends_on_first
+from .core import calling, validation, units
+from .core.scalarize import depends_on_first
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .projection import Projection
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
@@ -163,7 +163,7 @@ class Torque(AbstractStrength):
     def check(self, motion):
         if not callable(self.moment) and (motion.dimension == 3) != (self.moment.ndim == 1):
             needed = "three numbers in space" if motion.dimension == 3 else "one number in the plane"
-            raise ValueError(f"Torque(moment={checks.shown(self.moment)}) does not fit the motion; give {needed}.")
+            raise ValueError(f"Torque(moment={validation.shown(self.moment)}) does not fit the motion; give {needed}.")
 
     def try_out(self, t, state, power):
         del power
@@ -206,7 +206,7 @@ class TipForce(AbstractStrength):
     def check(self, motion):
         if not callable(self.force) and self.force.shape not in ((), (motion.dimension,)):
             raise ValueError(
-                f"TipForce(force={checks.shown(self.force)}) does not fit the motion; give one number along the rod or "
+                f"TipForce(force={validation.shown(self.force)}) does not fit the motion; give one number along the rod or "
                 f"{motion.dimension} in space."
             )
 
@@ -299,7 +299,7 @@ class ShakenBase(AbstractForce):
         for name, value in (("position", position), ("acceleration", acceleration)):
             if value is not None and not callable(value):
                 raise ValueError(
-                    f"ShakenBase({name}={checks.given(value)}) is not a function of time; give one, t -> (D,)."
+                    f"ShakenBase({name}={validation.given(value)}) is not a function of time; give one, t -> (D,)."
                 )
         self.position = None if position is None else _function("ShakenBase(position=)", position, "m")
         self.acceleration = (
@@ -347,17 +347,17 @@ class ShakenBase(AbstractForce):
 
 
 def _strength(name: str, value: Any, shape: tuple[int, ...], unit: str) -> Any:
-    return _function(name, value, unit) if callable(value) else checks.number(name, value, shape, unit)
+    return _function(name, value, unit) if callable(value) else validation.number(name, value, shape, unit)
 
 
 def _damping(name: str, value: Any, unit: str, what: str | None = None) -> Any:
-    return _function(name, value, unit) if callable(value) else checks.not_negative(name, value, unit, what)
+    return _function(name, value, unit) if callable(value) else validation.not_negative(name, value, unit, what)
 
 
 def _function(name: str, value: Any, unit: str) -> Any:
     if isinstance(value, AbstractSignal):
         value.fits(name, unit)
-    return checks.carried(value)
+    return validation.carried(value)
 
 
 def _number(value: Any) -> Any:
@@ -379,8 +379,8 @@ def _try_damping(name: str, unit: str, strength: Any, t, state: State) -> None:
     if callable(strength):
         with jax.ensure_compile_time_eval():
             damping = strength(t, state)
-        if checks.fails(lambda damping: damping >= 0, damping):
-            raise ValueError(f"{name} returned {checks.shown(damping)} at t=0; give a function (t, state) -> {wanted}.")
+        if validation.fails(lambda damping: damping >= 0, damping):
+            raise ValueError(f"{name} returned {validation.shown(damping)} at t=0; give a function (t, state) -> {wanted}.")
 
 
 def _is_looked_at(given: Any) -> bool:

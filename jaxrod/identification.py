@@ -12,7 +12,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from . import calling, checks, least_squares, units
+from .core import calling, validation, units
+from . import least_squares
 from .least_squares import BLIND, Parameters, Residuals
 
 _UNBEARABLE = 1e-6  # probability of a chi^2 as large as this below which model or sigma is wrong
@@ -27,7 +28,7 @@ class Positive(eqx.Module):
     value: Float[Array, ""]
 
     def __init__(self, value):
-        self.value = checks.positive("Positive(value=)", value, None, "the parameter's own unit")
+        self.value = validation.positive("Positive(value=)", value, None, "the parameter's own unit")
 
 
 class Fit(eqx.Module):
@@ -110,16 +111,16 @@ def fit(
     9.999e+06 +- 3e+04 Pa
     """
     if not callable(model):
-        raise ValueError(f"model={checks.given(model)} is not a function; give one of the parameters.")
+        raise ValueError(f"model={validation.given(model)} is not a function; give one of the parameters.")
     data, sigma = _measured(data, sigma)
     parameters = _parameters(start, data.dtype)
     method, name = least_squares.method(solver, data.dtype)
     if max_steps is None:
         max_steps = 10_000 if isinstance(method, optx.AbstractMinimiser) else 256
-    max_steps = checks.count("max_steps", max_steps, 1, "steps")
+    max_steps = validation.count("max_steps", max_steps, 1, "steps")
     dtype = _check(model, data, parameters)
 
-    residuals = Residuals(checks.carried(model), data, sigma, parameters)
+    residuals = Residuals(validation.carried(model), data, sigma, parameters)
     first = least_squares.point(residuals, dtype)
     if not first.finite:
         raise ValueError("model has a derivative at the start that is not finite; start elsewhere.")
@@ -164,13 +165,13 @@ def _measured(data: Any, sigma: Any) -> tuple[Array, Array]:
         if units.carries_unit(value):
             raise ValueError(f"{name}={value} has a unit, and model's answers have none; give plain numbers in theirs.")
     dtype = jnp.result_type(float)
-    data, sigma = checks.reals("data", data).astype(dtype), checks.reals("sigma", sigma).astype(dtype)
+    data, sigma = validation.reals("data", data).astype(dtype), validation.reals("sigma", sigma).astype(dtype)
     if data.size == 0 or not np.all(np.isfinite(data)):
-        raise ValueError(f"data={checks.shown(data)} must be finite numbers, at least one.")
+        raise ValueError(f"data={validation.shown(data)} must be finite numbers, at least one.")
     each = jnp.broadcast_to(sigma, data.shape) if sigma.ndim == 0 else sigma
     if each.shape != data.shape or not np.all(np.isfinite(each) & (each > 0)):
         raise ValueError(
-            f"sigma={checks.shown(each)} must be positive, one number or one for each of {data.size} data."
+            f"sigma={validation.shown(each)} must be positive, one number or one for each of {data.size} data."
         )
     return data, each
 
@@ -180,7 +181,7 @@ def _parameters(start: PyTree, dtype: Any) -> Parameters:
     if not leaves:
         raise ValueError(f"start={start!r} holds no parameter; give numbers, or Positive(number).")
     values = [
-        leaf.value if _is_positive(leaf) else checks.number(f"start{jax.tree_util.keystr(path)}", leaf, unit=None)
+        leaf.value if _is_positive(leaf) else validation.number(f"start{jax.tree_util.keystr(path)}", leaf, unit=None)
         for path, leaf in leaves
     ]
     values = [value.astype(dtype) for value in values]
@@ -195,7 +196,7 @@ def _check(model: Callable, data: Array, parameters: Parameters) -> Any:
     if jnp.shape(there) != data.shape:
         raise ValueError(f"model returns shape {jnp.shape(there)} but data has shape {data.shape}; they must agree.")
     if not np.all(np.isfinite(there)):
-        raise ValueError(f"model gives {checks.shown(there)} at the start, which is not finite; start elsewhere.")
+        raise ValueError(f"model gives {validation.shown(there)} at the start, which is not finite; start elsewhere.")
     return jnp.result_type(there)
 
 

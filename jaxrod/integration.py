@@ -16,11 +16,11 @@ from .chart import AbstractChart
 from .defaults import default_chart
 from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
-from .linear_algebra import mappable
+from .core.linear_algebra import mappable
 from .motion import Driven, Flight, State
 from .preview import preview
 from .projection import Projection
-from .result import Result
+from .core.result import Result
 from .reversal import ONCE, forward_refused, reversible
 from .rod import Rod
 from .solution import Solution

@@ -6,7 +6,8 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from . import checks, continuum
+from .core import validation
+from . import continuum
 from .basis import AbstractBasis, ForceRitz, QuasiStatic
 from .chart import Director, Strains
 from .equations import Condensed
@@ -44,7 +45,7 @@ def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System,
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has no shapes of strain but its own; give a Rod to compare rungs.")
     if not isinstance(basis, AbstractBasis):
-        raise ValueError(f"basis={checks.given(basis)} is not a basis; give an instance such as Ritz(3).")
+        raise ValueError(f"basis={validation.given(basis)} is not a basis; give an instance such as Ritz(3).")
     if basis.n == 0 or system.basis.n == 0:
         amplitudes = rates = jnp.zeros(basis.n, start.direction.dtype)
     else:

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import calling, checks
+from .core import calling, validation
 from .signal import on_clock
 
 _UNROLLED = 6
@@ -46,11 +46,11 @@ class Lagrangian(eqx.Module):
         for name, value in (("function", function), ("force", force), ("solve", solve)):
             if not callable(value) and not (value is None and name != "function"):
                 raise ValueError(
-                    f"Lagrangian({name}={checks.given(value)}) is not a function; give one, such as lambda t, q, v: v @ v / 2."
+                    f"Lagrangian({name}={validation.given(value)}) is not a function; give one, such as lambda t, q, v: v @ v / 2."
                 )
-        self.function = checks.carried(function)
-        self.force = None if force is None else checks.carried(force)
-        self.solve = None if solve is None else checks.carried(solve)
+        self.function = validation.carried(function)
+        self.force = None if force is None else validation.carried(force)
+        self.solve = None if solve is None else validation.carried(solve)
 
     def delayed(self, t0: Float[Array, ""]) -> "Lagrangian":
         """The same system on a clock that shows zero at t0 (s)."""
@@ -62,7 +62,7 @@ class Lagrangian(eqx.Module):
 
         Nothing is computed.
         """
-        q, v = checks.reals("q", q), checks.reals("v", v)
+        q, v = validation.reals("q", q), validation.reals("v", v)
         if q.shape != v.shape or q.ndim != 1 or q.size == 0:
             raise ValueError(
                 f"q has shape {q.shape} and v has shape {v.shape}; give (N,) coordinates and as many velocities, N at least 1."
@@ -78,7 +78,7 @@ class Lagrangian(eqx.Module):
             calling.tried("Lagrangian(solve=)", "(t, q, b) -> M^-1 b, (N,)", self.solve, t, q, v, shapes=[q.shape])
 
     def _check_known(self, t, q, v):
-        if checks.known(q) and checks.known(v):
+        if validation.known(q) and validation.known(v):
             self.check(t, q, v)
 
     def momentum(self, t, q, v) -> Float[Array, " N"]:

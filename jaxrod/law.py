@@ -12,29 +12,29 @@ W' is the nominal (first Piola-Kirchhoff) stress over E.  A law of your own is t
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import checks
+from .core import validation
 
 Strains = Float[Array, "*points"]
 
 
 def hooke(strain: Strains) -> Strains:
     """Linear in the engineering strain: W = strain^2 / 2.  `Rod` takes it when no law is given, as a matrix."""
-    return checks.reals("strain", strain) ** 2 / 2
+    return validation.reals("strain", strain) ** 2 / 2
 
 
 def green(strain: Strains) -> Strains:
     """Green and Saint-Venant, linear in e = strain + strain^2 / 2: W = e^2 / 2.  Loses its stiffness at strain -0.42."""
-    strain = checks.reals("strain", strain)
+    strain = validation.reals("strain", strain)
     return (strain + strain**2 / 2) ** 2 / 2
 
 
 def logarithmic(strain: Strains) -> Strains:
     """Hencky, linear in the true strain: W = ln(1 + strain)^2 / 2.  Softens; the greatest nominal stress is at 1.72."""
-    return jnp.log1p(checks.reals("strain", strain)) ** 2 / 2
+    return jnp.log1p(validation.reals("strain", strain)) ** 2 / 2
 
 
 def neo_hookean(strain: Strains) -> Strains:
     """Incompressible rubber under tension, stretch x = 1 + strain, E = 3 mu: W = (x^2 + 2 / x - 3) / 6."""
-    strain = checks.reals("strain", strain)
+    strain = validation.reals("strain", strain)
     # (x - 1)^2 (x + 2) / x = x^2 + 2 / x - 3, without the cancellation at small strain.
     return strain**2 * (3 + strain) / (6 * (1 + strain))

@@ -14,7 +14,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
-from . import calling, checks
+from .core import calling, validation
 
 BLIND = 1e-7  # a direction in which the data change this many times less than in the best one is not identified
 _ROUNDING = 1000  # of a model, in units of its type's last digit
@@ -149,7 +149,7 @@ def method(solver: Any, dtype: Any) -> tuple[Any, str]:
     if isinstance(solver, optx.AbstractLeastSquaresSolver | optx.AbstractMinimiser):
         return solver, type(solver).__name__
     raise ValueError(
-        f"solver={checks.given(solver)} is no solver; give one of Optimistix, such as LevenbergMarquardt, or of Optax."
+        f"solver={validation.given(solver)} is no solver; give one of Optimistix, such as LevenbergMarquardt, or of Optax."
     )
 
 

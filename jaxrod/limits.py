@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import continuum
-from .linear_algebra import singular_values, svd
+from .core.linear_algebra import singular_values, svd
 from .mesh import mesh, safe_sqrt
 from .motion import Driven
 from .rod import Rod

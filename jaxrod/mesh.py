@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
-from .quadrature import gauss
+from .core import validation
+from .core.quadrature import gauss
 from .rod import Rod
 
 
@@ -40,7 +40,7 @@ class Mesh(NamedTuple):
 
 def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
     """The rod on `order` nodes for each panel; panels end at `at` (m) too."""
-    dtype = checks.float_type(rod, at)
+    dtype = validation.float_type(rod, at)
     ends = panel_ends(rod, at)
     x, w = (jnp.asarray(column, dtype) for column in gauss(order))
     half = jnp.diff(ends)[:, None] / 2

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from . import checks, continuum, precision, spectrum, statics
+from .core import validation, precision, eigen
+from . import continuum, statics
 from .chart import Local
 from .motion import State
 from .projection import Projection
@@ -39,14 +40,14 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     [ 19.239  68.213 158.859]
     """
     check_system(system)
-    precision.warn_if_lowered(checks.float_type(system), system, ())
+    precision.warn_if_lowered(validation.float_type(system), system, ())
     warn_of_forces("natural_frequencies", system)
     return _looked_at(system)
 
 
 def _looked_at(system: System) -> Float[Array, " n"]:
     frequencies, lowered = _natural_frequencies(system)
-    if lowered is not None and checks.fails(lambda lowered: lowered < _THICK, lowered):
+    if lowered is not None and validation.fails(lambda lowered: lowered < _THICK, lowered):
         warnings.warn(
             f"lateral inertia, which the model leaves out, may lower the first frequency of so thick a rod by "
             f"{100 * float(lowered):.2g} %; see jaxrod.model_limits(system).",
@@ -69,7 +70,7 @@ def _frequencies_of(body: Projection, n: int) -> Float[Array, " n"]:
     if n < 2:
         return jnp.sqrt(jnp.diagonal(body.stiffness_matrix) / jnp.diagonal(body.strain_mass)) / (2 * jnp.pi)
     # M v = K v / omega^2: the lowest frequencies, the largest 1 / omega^2, come out best.
-    compliance, _ = spectrum.eigh(body.strain_mass, body.stiffness_matrix)
+    compliance, _ = eigen.eigh(body.strain_mass, body.stiffness_matrix)
     rigid = compliance <= jnp.finfo(compliance.dtype).eps * compliance[-1] / 8
     return jnp.where(rigid, jnp.inf, 1 / jnp.sqrt(jnp.where(rigid, 1.0, compliance)))[::-1] / (2 * jnp.pi)
 
@@ -91,7 +92,7 @@ def frequency_error(system: System) -> Float[Array, " n"]:
     return _percent_above(frequencies, continuum.natural_frequencies(bare, frequencies.shape[0]))
 
 
-@checks.at_once
+@validation.at_once
 def _percent_above(found, exact):
     return 100 * (found / exact - 1)
 
@@ -167,7 +168,7 @@ def modes(system: System, about: State | None = None) -> Modes:
     about = statics.equilibrium(system) if about is None else about
     check_state(system, about, "about")
     frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
-    if checks.fails(lambda x: x < 100 * statics.unbalanced_at_most(x.dtype), unbalanced):
+    if validation.fails(lambda x: x < 100 * statics.unbalanced_at_most(x.dtype), unbalanced):
         raise ValueError(
             f"about= is no equilibrium, accelerations are {float(unbalanced):.1e} of the natural ones; take one from "
             "jaxrod.equilibrium(system, ...)."
@@ -193,7 +194,7 @@ def _modes(system, about):
     if n == 0:  # a rigid rod that is driven has no motion of its own
         none = jnp.zeros((0, about.direction.size), complex)
         return zero, zero, none, none[:, :0], unbalanced
-    w, v = spectrum.eig(matrix)
+    w, v = eigen.eig(matrix)
     # What is rounding: of a double zero, where the rod turns freely, its root; of growth a little of the largest.
     eps, largest = float(jnp.finfo(matrix.dtype).eps), jnp.max(jnp.abs(w), initial=0.0)
     w = jnp.where(jnp.abs(w) <= 7 * eps**0.5 * largest, 0.0, w)

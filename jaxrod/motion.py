@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks, units
+from .core import calling, validation, units
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 
@@ -92,12 +92,12 @@ class Driven(AbstractPivoted):
     def __init__(self, angle, pivot=0.0):
         if not callable(angle):
             raise ValueError(
-                f"Driven(angle={checks.given(angle)}) is not a function of time; give one, such as lambda t: 15.0 * t."
+                f"Driven(angle={validation.given(angle)}) is not a function of time; give one, such as lambda t: 15.0 * t."
             )
         calling.tried("Driven(angle=)", "t (s) -> angle in rad", angle, calling.like(), shapes=[()])
         if isinstance(angle, AbstractSignal):
             angle.fits("Driven(angle=)", "rad")
-        self.angle = checks.carried(angle)
+        self.angle = validation.carried(angle)
         self.pivot = _inside(pivot)
 
     def turning(self, t) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
@@ -165,7 +165,7 @@ class State(eqx.Module):
         return self.direction.shape[-1] == 2
 
     @property
-    @checks.at_once
+    @validation.at_once
     def angle(self) -> Float[Array, "*batch"]:
         """Angle above the horizontal in rad: counted over all turns in the plane, in [-pi/2, pi/2] in space."""
         if self.planar:
@@ -173,7 +173,7 @@ class State(eqx.Module):
         return jnp.arctan2(self.direction[..., 2], _horizontal(self.direction)[1])
 
     @property
-    @checks.at_once
+    @validation.at_once
     def rate(self) -> Float[Array, "*batch"]:
         """Rate of `angle` in rad/s."""
         d, rate = self.direction, self.direction_rate
@@ -183,14 +183,14 @@ class State(eqx.Module):
         return cos * rate[..., 2] - d[..., 2] * jnp.sum(outward * rate[..., :2], axis=-1)
 
     @property
-    @checks.at_once
+    @validation.at_once
     def azimuth(self) -> Float[Array, "*batch"]:
         """Angle about the vertical in rad, counted over all turns; undefined at the pole.  In space only."""
         self._in_space("azimuth")
         return heading(self.direction) + 2 * jnp.pi * self.turns
 
     @property
-    @checks.at_once
+    @validation.at_once
     def azimuth_rate(self) -> Float[Array, "*batch"]:
         """Rate of `azimuth` in rad/s; zero at the pole, where it is undefined.  In space only."""
         self._in_space("azimuth_rate")
@@ -240,9 +240,9 @@ def _inside(pivot):
     """A pivot, or None if it is known to be the root: then the rod is one piece."""
     if pivot is None:
         return None
-    place = checks.not_negative("pivot", pivot, "m", "metres from the root")
+    place = validation.not_negative("pivot", pivot, "m", "metres from the root")
     given = units.plain("pivot", pivot, "m")  # under jit even a known number is traced, once it is an array
-    return None if checks.known(given) and not np.any(np.asarray(given)) else place
+    return None if validation.known(given) and not np.any(np.asarray(given)) else place
 
 
 def check_start(motion: AbstractMotion, n: int, start: State) -> None:
@@ -250,13 +250,13 @@ def check_start(motion: AbstractMotion, n: int, start: State) -> None:
     check_shapes(motion, n, start, "start")
     d, rate = start.direction, start.direction_rate
     close = 1e-6 if d.dtype == np.float64 else 1e-3
-    if checks.fails(lambda d: ~(np.abs(np.sum(d**2) - 1) > close), d):  # what is not finite is told by the run
+    if validation.fails(lambda d: ~(np.abs(np.sum(d**2) - 1) > close), d):  # what is not finite is told by the run
         raise ValueError(
-            f"start has direction={checks.shown(d)}, which is not of unit length; make it by system.state(angle=...)."
+            f"start has direction={validation.shown(d)}, which is not of unit length; make it by system.state(angle=...)."
         )
-    if checks.fails(lambda d, rate: ~(np.abs(d @ rate) > close * (1 + np.abs(rate).sum())), d, rate):
+    if validation.fails(lambda d, rate: ~(np.abs(d @ rate) > close * (1 + np.abs(rate).sum())), d, rate):
         raise ValueError(
-            f"start has direction_rate={checks.shown(rate)}, which is not across direction={checks.shown(d)}; make it by "
+            f"start has direction_rate={validation.shown(rate)}, which is not across direction={validation.shown(d)}; make it by "
             "system.state(angle=..., rate=...)."
         )
 
@@ -264,7 +264,7 @@ def check_start(motion: AbstractMotion, n: int, start: State) -> None:
 def check_shapes(motion: AbstractMotion, n: int, start: Any, name: str) -> None:
     """**Raises:** `ValueError` for a state with other shapes than a scene with this motion and n strain shapes has."""
     if not isinstance(start, State) or not all(x is None or hasattr(x, "shape") for x in vars(start).values()):
-        raise ValueError(f"{name}={checks.given(start)} is not a state; make it by system.state(angle=..., rate=...).")
+        raise ValueError(f"{name}={validation.given(start)} is not a state; make it by system.state(angle=..., rate=...).")
     dimension, flight = motion.dimension, isinstance(motion, Flight)
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .flat import Flat
-from .lanes import Numbers
+from .core.scalarize import Numbers
 from .splitting import AbstractStepped, Split
 from .symplectic import BlanesMoan6
 

@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from . import arguments, checks, continuum, cost
+from . import arguments, continuum, cost
+from .core import validation
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .budget import NUDGE, nudged, parted
-from .checks import in_type
+from .core.validation import in_type
 from .choice import Plan, axial_rate, named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer
@@ -127,7 +128,7 @@ def plan(
     """
     arguments.check_known(system, start, "plan one like it before, and follow that plan by tolerance=plan", static)
     quantity = as_quantity(quantity)
-    tolerance = float(checks.positive("tolerance", tolerance, quantity.unit, "the quantity's unit"))
+    tolerance = float(validation.positive("tolerance", tolerance, quantity.unit, "the quantity's unit"))
     system, start = in_type("float64", (system, start))
     begin, end = arguments.interval(t1, t0)
     return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()

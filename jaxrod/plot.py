@@ -8,7 +8,7 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from . import checks
+from .core import validation
 from .choice import named
 from .load_basis import LoadRitz
 from .motion import State
@@ -26,10 +26,10 @@ def bands(solutions: Mapping[str, Solution], slow: Mapping[str, Any], until: flo
     _check_mapping("solutions", solutions, "solutions of a System by their titles")
     _check_mapping("slow", slow, "the slow bands of rate and strain by the same titles")
     if not all(isinstance(x, Solution) and isinstance(x.states, State) for x in solutions.values()):
-        raise ValueError(f"solutions={checks.given(solutions)} holds something else; give solutions of a System.")
+        raise ValueError(f"solutions={validation.given(solutions)} holds something else; give solutions of a System.")
     if set(slow) != set(solutions):
         raise ValueError(f"slow has titles {list(slow)} and solutions has {list(solutions)}; give the same.")
-    until = float(checks.positive("until", until, "s", "seconds"))
+    until = float(validation.positive("until", until, "s", "seconds"))
     figure, axes = _columns(len(solutions), 2, height=5.0, bottom=0.5, top=0.65, sharex=True, sharey="row")
     for column, (name, solution) in zip(axes.T, solutions.items(), strict=True):
         shown = np.asarray(solution.ts) <= until
@@ -63,7 +63,7 @@ def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) 
     `tau` is time over the travel time of a wave along the rod; displacements are over the initial one.
     """
     _check_mapping("tips", tips, "pairs (exact, model) of displacements by their titles")
-    tau = np.asarray(checks.numbers("tau", tau, "times over the travel time"))
+    tau = np.asarray(validation.numbers("tau", tau, "times over the travel time"))
     for name, pair in tips.items():
         if not (isinstance(pair, tuple | list) and len(pair) == 2 and all(np.shape(x) == tau.shape for x in pair)):
             raise ValueError(
@@ -84,7 +84,7 @@ def release(tau: np.ndarray, tips: Mapping[str, tuple[np.ndarray, np.ndarray]]) 
 
 def _check_mapping(name: str, value: Any, wanted: str) -> None:
     if not isinstance(value, Mapping) or not value:
-        raise ValueError(f"{name}={checks.given(value)} is not a mapping; give a dict of {wanted}.")
+        raise ValueError(f"{name}={validation.given(value)} is not a mapping; give a dict of {wanted}.")
 
 
 def _columns(columns: int, rows: int, height: float, bottom: float, top: float, **shared: Any) -> tuple[Figure, Any]:
@@ -98,9 +98,9 @@ def _columns(columns: int, rows: int, height: float, bottom: float, top: float, 
 def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     """Error against cost of every way that was measured, a colour for each rung; pale what another beats in both."""
     if not isinstance(found, Tradeoff):
-        raise ValueError(f"found={checks.given(found)} is not a trade-off; give what jaxrod.tradeoff returned.")
+        raise ValueError(f"found={validation.given(found)} is not a trade-off; give what jaxrod.tradeoff returned.")
     if not isinstance(title, str):
-        raise ValueError(f"title={checks.given(title)} is not text; give a string.")
+        raise ValueError(f"title={validation.given(title)} is not text; give a string.")
     figure = Figure(figsize=(7.6, 4.6), layout="constrained")
     axis = figure.subplots()
     # Of one colour in every picture; paler the one that is tried beside it where a force acts at the tip.

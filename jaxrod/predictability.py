@@ -6,11 +6,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int8
 
-from . import arguments, checks, statics
+from . import arguments, statics
+from .core import validation
 from .chart import Local
-from .linear_algebra import singular_values
+from .core.linear_algebra import singular_values
 from .motion import Driven, State
-from .result import Result
+from .core.result import Result
 from .simulation import simulate
 from .system import System
 
@@ -68,12 +69,12 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
     36.0
     """
     arguments.check_system(system, start)
-    _, t0, t1, _ = arguments.times(None, t1, t0, None, checks.float_type(system, start), by_the_clock=True)
-    tolerance = checks.positive("tolerance", tolerance, "", "lengths of the rod")
-    distance = checks.positive("distance", distance, "", "rad and strain")
-    if checks.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
+    _, t0, t1, _ = arguments.times(None, t1, t0, None, validation.float_type(system, start), by_the_clock=True)
+    tolerance = validation.positive("tolerance", tolerance, "", "lengths of the rod")
+    distance = validation.positive("distance", distance, "", "rad and strain")
+    if validation.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
         raise ValueError(
-            f"distance={checks.shown(distance)} of the starts must be below tolerance={checks.shown(tolerance)}; else nothing "
+            f"distance={validation.shown(distance)} of the starts must be below tolerance={validation.shown(tolerance)}; else nothing "
             "can be told from the first moment on."
         )
     if isinstance(system.motion, Driven) and system.basis.n == 0:
@@ -83,7 +84,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
 
 @eqx.filter_jit
 def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horizon:
-    dtype = checks.float_type(system, start)
+    dtype = validation.float_type(system, start)
     ts = jnp.linspace(t0, t1, _TIMES + 1, dtype=dtype)[1:]
 
     def tip(offset):

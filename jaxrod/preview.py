@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from .lagrangian import Lagrangian
-from .lanes import depends_on_first
+from .core.scalarize import depends_on_first
 from .motion import State
 from .signal import at_each, signals
 from .system import System

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import linear_algebra
+from .core import linear_algebra
 from .rod import Lumped
 
 

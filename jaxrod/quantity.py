@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import calling, checks, continuum
+from .core import calling, validation
+from . import continuum
 from .modal import natural_frequencies
 from .rod import Rod
 from .system import System
@@ -77,16 +78,16 @@ class LargestStrain(AbstractQuantity):
 
     def __check_init__(self):
         if self.at is not None:
-            checks.number("at", self.at, unit="m")
+            validation.number("at", self.at, unit="m")
 
     def __call__(self, solution):
         if self.at is None:
             return jnp.max(jnp.abs(solution.strain), axis=-1)
         length = solution.system.rod.length
-        at = checks.number("at", self.at, unit="m")
-        if checks.fails(lambda at, length: (at >= 0) & (at <= length), at, length):
+        at = validation.number("at", self.at, unit="m")
+        if validation.fails(lambda at, length: (at >= 0) & (at <= length), at, length):
             raise ValueError(
-                f"at={checks.shown(at)} m lies beyond the rod; it must be within length={checks.shown(length)} m."
+                f"at={validation.shown(at)} m lies beyond the rod; it must be within length={validation.shown(length)} m."
             )
         return jnp.max(jnp.abs(solution.strain_field(at[None])), axis=(-2, -1))
 
@@ -139,13 +140,13 @@ class Measured(AbstractQuantity):
 
     def __init__(self, function: Callable[[Any], Any], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"):
         if isinstance(function, type) or not callable(function):
-            raise ValueError(f"Measured(function={checks.given(function)}) is not a function; give one of a solution.")
+            raise ValueError(f"Measured(function={validation.given(function)}) is not a function; give one of a solution.")
         for said, value in (("unit", unit), ("name", name)):
             if not isinstance(value, str):
-                raise ValueError(f"Measured({said}={checks.given(value)}) is not text; give a string such as 'm'.")
-        if checks.fails(lambda largest: largest > 0, checks.reals("Measured(largest=)", largest)):
+                raise ValueError(f"Measured({said}={validation.given(value)}) is not text; give a string such as 'm'.")
+        if validation.fails(lambda largest: largest > 0, validation.reals("Measured(largest=)", largest)):
             raise ValueError(
-                f"Measured(largest={checks.given(largest)}) must be positive, one number or one for each; inf if there is none."
+                f"Measured(largest={validation.given(largest)}) must be positive, one number or one for each; inf if there is none."
             )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
@@ -172,7 +173,7 @@ def as_quantity(given: AbstractQuantity | Callable[[Any], Any] | None) -> Abstra
     if isinstance(given, AbstractQuantity):
         return given
     if isinstance(given, type) or not callable(given):
-        shown = given.__name__ if isinstance(given, type) else checks.given(given)
+        shown = given.__name__ if isinstance(given, type) else validation.given(given)
         raise ValueError(
             f"quantity {shown} cannot be asked for; give one, such as FinalTip(), or a function of a solution."
         )

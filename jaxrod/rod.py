@@ -14,11 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import calling, checks, plausibility
+from .core import calling, validation
+from . import plausibility
 from .law import hooke
 from .looking import check_positive, look_along, stands
-from .places import deciding
-from .quadrature import Panels
+from .core.tracing import deciding
+from .core.quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
 
@@ -62,24 +63,24 @@ class Rod(eqx.Module):
     resolution: Resolution = eqx.field(static=True, init=False, repr=False)
 
     def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=hooke):
-        self.length = checks.positive("length", length, "m")
+        self.length = validation.positive("length", length, "m")
         self.young = profile("young", young, "Pa", "pascals (rubber about 1e7, steel 2e11)")
         self.density = profile("density", density, "kg/m^3")
-        self.tip_mass = None if tip_mass is None else checks.not_negative("tip_mass", tip_mass, "kg", "kg, or None")
+        self.tip_mass = None if tip_mass is None else validation.not_negative("tip_mass", tip_mass, "kg", "kg, or None")
         if tip_inertia is not None and tip_mass is None:
             raise ValueError(
-                f"tip_inertia={checks.given(tip_inertia)} belongs to a body at the tip; give tip_mass= too."
+                f"tip_inertia={validation.given(tip_inertia)} belongs to a body at the tip; give tip_mass= too."
             )
         self.tip_inertia = (
             None
             if tip_inertia is None
-            else checks.not_negative("tip_inertia", tip_inertia, "kg m^2", "kg m^2, or None")
+            else validation.not_negative("tip_inertia", tip_inertia, "kg m^2", "kg m^2, or None")
         )
         if not callable(law):
             raise ValueError(
-                f"law={checks.given(law)} is not a strain law; give a function of strain such as jaxrod.law.green."
+                f"law={validation.given(law)} is not a strain law; give a function of strain such as jaxrod.law.green."
             )
-        self.law = checks.carried(law)
+        self.law = validation.carried(law)
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
@@ -106,18 +107,18 @@ class Rod(eqx.Module):
                 )
 
     def _check_breaks(self):
-        outside = [s for s in self.breaks if checks.fails(lambda length, s=s: 0 < s < length, self.length)]
+        outside = [s for s in self.breaks if validation.fails(lambda length, s=s: 0 < s < length, self.length)]
         if outside:
             raise ValueError(
-                f"breaks hold {outside[0]:.6g} m, outside of 0 < s < length={checks.shown(self.length)} m."
+                f"breaks hold {outside[0]:.6g} m, outside of 0 < s < length={validation.shown(self.length)} m."
             )
 
     def _check_profiles(self):
         s, area, modulus, density, covers = _profiles(self)
-        if checks.fails(lambda covers: covers, covers):
-            positions = checks.shown(getattr(self.section, "positions", ()))
-            raise ValueError(f"Table(positions={positions}) must reach from 0 to length={checks.shown(self.length)} m.")
-        if all(map(checks.known, (s, area, modulus, density, self.length))):
+        if validation.fails(lambda covers: covers, covers):
+            positions = validation.shown(getattr(self.section, "positions", ()))
+            raise ValueError(f"Table(positions={positions}) must reach from 0 to length={validation.shown(self.length)} m.")
+        if all(map(validation.known, (s, area, modulus, density, self.length))):
             check_positive(s, area, modulus, density, self.length)
             s, area, modulus, density = (np.asarray(x, float) for x in (s, area, modulus, density))
             for doubt in (
@@ -130,7 +131,7 @@ class Rod(eqx.Module):
     def _check_size(self):
         """What squares, or the numbers' type, would lose."""
         _, *profiles, _ = _profiles(self)
-        if not all(map(checks.known, (self.length, *profiles))):
+        if not all(map(validation.known, (self.length, *profiles))):
             return
         length = np.float64(self.length)
         area, modulus, density = (np.max(np.asarray(x, float)) for x in profiles)
@@ -155,7 +156,7 @@ class Rod(eqx.Module):
         calling.tried(f"law={self.law_name}", wanted, self.law, rest, shapes=[rest.shape])
         (energy, stress), (_, stiffness) = jax.jvp(slope, (rest,), (jnp.ones_like(rest),))
         for name, value, wanted in (("W", energy, 0.0), ("W'", stress, 0.0), ("W''", stiffness, 1.0)):
-            if checks.fails(lambda x, wanted=wanted: np.abs(x - wanted) < 1e-3, value):
+            if validation.fails(lambda x, wanted=wanted: np.abs(x - wanted) < 1e-3, value):
                 raise ValueError(
                     f"law={self.law_name} has {name}(0) = {float(value[0]):.4g} but must have {wanted:g}: it is energy "
                     "over Young's modulus, strain^2 / 2 where strain is small."
@@ -199,7 +200,7 @@ class Rod(eqx.Module):
         near = jnp.abs(kinks - s) <= max(1e-9, 8 * eps) * length
         near = near if breaks or not self.breaks else near & self._jumping()
         undefined = jnp.any(near) | ((s <= 0) | (s >= length) if ends else jnp.asarray(False))
-        return checks.no_derivative(s, undefined) if self.breaks or ends else s
+        return validation.no_derivative(s, undefined) if self.breaks or ends else s
 
     def _jumping(self) -> Bool[Array, " breaks"]:
         """Whether rigidity or mass per length jump at the breaks, or have but a kink there."""
@@ -216,16 +217,16 @@ class Rod(eqx.Module):
 
     def area(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Cross-section area in m^2 at the material coordinates s (m)."""
-        return self.section.area(checks.reals("s", s), self.length)
+        return self.section.area(validation.reals("s", s), self.length)
 
     def modulus(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Young's modulus in Pa at s (m)."""
-        s = checks.reals("s", s)
+        s = validation.reals("s", s)
         return self.young(s) if isinstance(self.young, Profile) else jnp.broadcast_to(self.young, jnp.shape(s))
 
     def mass_density(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         """Density in kg/m^3 at s (m)."""
-        s = checks.reals("s", s)
+        s = validation.reals("s", s)
         return self.density(s) if isinstance(self.density, Profile) else jnp.broadcast_to(self.density, jnp.shape(s))
 
     def panels(self, order: int = ORDER, at: Sequence[Float[Array, ""]] = ()) -> Panels:
@@ -239,7 +240,7 @@ class Rod(eqx.Module):
             resolved = self.resolved()
             ends = jnp.where(resolved, ends, jnp.nan)
             for number in self.deciding:  # what divides a profile has no derivative where the profile jumps
-                number = checks.no_derivative(number, jnp.logical_not(resolved) | jnp.any(self._jumping()))
+                number = validation.no_derivative(number, jnp.logical_not(resolved) | jnp.any(self._jumping()))
                 ends = ends + jnp.sum(0.0 * number).astype(ends.dtype)
         return Panels(ends, order)
 
@@ -249,7 +250,7 @@ class Rod(eqx.Module):
         Coincident ends become one and the same number, so that a panel of no length does not grow under differentiation.
         Only `at` and the length move then: what is integrated is continuous at a knot, and breaks are constants.
         """
-        dtype = checks.float_type(self, list(at))
+        dtype = validation.float_type(self, list(at))
         length = self.length.astype(dtype)
         points = [jnp.zeros((), dtype), length, *(jnp.asarray(s, dtype) for s in at)]
         inner = [jnp.asarray(self.breaks), self.section.knots(self.length)]
@@ -289,7 +290,7 @@ class Rod(eqx.Module):
     # ---- as a whole
 
     @property
-    @checks.at_once
+    @validation.at_once
     def wave_speed(self) -> Float[Array, ""]:
         """Speed of axial waves sqrt(E / rho) in m/s; of a composite rod, length over the time from end to end."""
         if not isinstance(self.young, Profile) and not isinstance(self.density, Profile):
@@ -298,7 +299,7 @@ class Rod(eqx.Module):
         return self.length / jnp.sum(ds * jnp.sqrt(self.mass_density(s) / self.modulus(s)))
 
     @property
-    @checks.at_once
+    @validation.at_once
     def volume(self) -> Float[Array, ""]:
         """int A ds in m^3."""
         s, _ = self.quadrature()
@@ -311,13 +312,13 @@ class Rod(eqx.Module):
         return moment if self.tip_mass is None else moment + self.tip_mass * weight(self.length)
 
     @property
-    @checks.at_once
+    @validation.at_once
     def mass(self) -> Float[Array, ""]:
         """int rho A ds in kg, and the body at the tip."""
         return self._mass_moment(jnp.ones_like)
 
     @property
-    @checks.at_once
+    @validation.at_once
     def stiffness(self) -> Float[Array, ""]:
         """Axial rigidity summed over the length, int E A ds in N m: c l0^2 of the uniform strain."""
         s, _ = self.quadrature()
@@ -325,17 +326,17 @@ class Rod(eqx.Module):
 
     def first_moment(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about) ds in kg m, with the body at the tip."""
-        about = checks.number("about", about, unit="m")
+        about = validation.number("about", about, unit="m")
         return self._mass_moment(lambda s: s - about)
 
     def moment_of_inertia(self, about: Float[Array, ""] | float = 0.0) -> Float[Array, ""]:
         """int rho A (s - about)^2 ds in kg m^2, with the body at the tip: (16) for the cone about its root."""
-        about = checks.number("about", about, unit="m")
+        about = validation.number("about", about, unit="m")
         inertia = self._mass_moment(lambda s: (s - about) ** 2)
         return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 
     @property
-    @checks.at_once
+    @validation.at_once
     def center_of_mass(self) -> Float[Array, ""]:
         """Distance x_C of the centre of mass from the root in m, unstretched."""
         return self.first_moment() / self.mass
@@ -350,7 +351,7 @@ class Rod(eqx.Module):
         return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid() & inside
 
 
-@checks.at_once
+@validation.at_once
 def _profiles(rod: Rod):
     """Points along the rod, what it is made of there, and whether its section is known all along it."""
     s = Panels(rod._ends(), ORDER).s
@@ -380,10 +381,10 @@ class Lumped(eqx.Module):
     length: Float[Array, ""]
 
     def __init__(self, inertia, first_moment, stiffness, length):
-        self.inertia = checks.positive("inertia", inertia, "kg m^2")
-        self.first_moment = checks.number("first_moment", first_moment, unit="kg m")
-        self.stiffness = checks.positive("stiffness", stiffness, "N m", "N m (spring constant times length squared)")
-        self.length = checks.positive("length", length, "m")
+        self.inertia = validation.positive("inertia", inertia, "kg m^2")
+        self.first_moment = validation.number("first_moment", first_moment, unit="kg m")
+        self.stiffness = validation.positive("stiffness", stiffness, "N m", "N m (spring constant times length squared)")
+        self.length = validation.positive("length", length, "m")
 
     def valid(self) -> Array:
         """Whether the numbers make a body: the same questions as at construction, for traced values."""
@@ -392,4 +393,4 @@ class Lumped(eqx.Module):
 
     def __repr__(self):
         names = ("inertia", "first_moment", "stiffness", "length")
-        return f"Lumped({', '.join(f'{name}={checks.brief(getattr(self, name))}' for name in names)})"
+        return f"Lumped({', '.join(f'{name}={validation.brief(getattr(self, name))}' for name in names)})"

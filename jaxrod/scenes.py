@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jax.tree_util import Partial
 
-from . import checks
+from .core import validation
 from .basis import Ritz
 from .force import TipForce
 from .motion import Driven, Rotation, Spherical, State
@@ -84,7 +84,7 @@ def past_the_pole() -> Scene:
 
 def steady(rate: Any) -> Driven:
     """Driven at a steady rate (rad/s), which is a leaf: it may be traced."""
-    return Driven(Partial(_turned, checks.number("rate", rate, unit="rad/s")))
+    return Driven(Partial(_turned, validation.number("rate", rate, unit="rad/s")))
 
 
 def _turned(rate, t):

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import calling, checks, units
+from .core import calling, validation, units
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _ROUND = 1e-6  # of the length: what a table may be short of the rod
@@ -63,7 +63,7 @@ class Uniform(AbstractSection):
     breaks: ClassVar[tuple[float, ...]] = ()
 
     def __init__(self, radius):
-        self.radius = checks.positive("Uniform(radius=)", radius, "m")
+        self.radius = validation.positive("Uniform(radius=)", radius, "m")
 
     def area(self, s, length):
         return jnp.pi * self.radius**2 * jnp.ones_like(s)
@@ -72,7 +72,7 @@ class Uniform(AbstractSection):
         return self.radius > 0
 
     def __repr__(self):
-        return f"Uniform(radius={checks.brief(self.radius)})"
+        return f"Uniform(radius={validation.brief(self.radius)})"
 
 
 class Cone(AbstractSection):
@@ -91,9 +91,9 @@ class Cone(AbstractSection):
     breaks: ClassVar[tuple[float, ...]] = ()
 
     def __init__(self, root_radius, tip_radius):
-        root = checks.not_negative("Cone(root_radius=)", root_radius, "m")
-        tip = checks.not_negative("Cone(tip_radius=)", tip_radius, "m")
-        if checks.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
+        root = validation.not_negative("Cone(root_radius=)", root_radius, "m")
+        tip = validation.not_negative("Cone(tip_radius=)", tip_radius, "m")
+        if validation.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
             raise ValueError("Cone(root_radius=0, tip_radius=0) has no section left; at most one end may be a point.")
         self.root_radius, self.tip_radius = root, tip
 
@@ -118,7 +118,7 @@ class Cone(AbstractSection):
         return (self.root_radius >= 0) & (self.tip_radius >= 0)
 
     def __repr__(self):
-        return f"Cone(root_radius={checks.brief(self.root_radius)}, tip_radius={checks.brief(self.tip_radius)})"
+        return f"Cone(root_radius={validation.brief(self.root_radius)}, tip_radius={validation.brief(self.tip_radius)})"
 
 
 class Table(AbstractSection):
@@ -148,15 +148,15 @@ class Table(AbstractSection):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
-        self.positions = checks.numbers("Table(positions=)", positions, "two positions in m or more", "m")
+        self.positions = validation.numbers("Table(positions=)", positions, "two positions in m or more", "m")
         size = self.positions.shape
         name, measured = ("radii", radii) if areas is None else ("areas", areas)
-        measured = checks.number(f"Table({name}=)", measured, size, "m" if areas is None else "m^2")
+        measured = validation.number(f"Table({name}=)", measured, size, "m" if areas is None else "m^2")
         if size[0] < 2:
             raise ValueError(f"Table(positions=) holds {size[0]} points; give at least two, root and tip.")
-        if checks.fails(lambda s: np.diff(s) > 0, self.positions):
-            raise ValueError(f"Table(positions={checks.shown(self.positions)}) must increase from root to tip.")
-        if checks.fails(lambda x: x > 0, measured):
+        if validation.fails(lambda s: np.diff(s) > 0, self.positions):
+            raise ValueError(f"Table(positions={validation.shown(self.positions)}) must increase from root to tip.")
+        if validation.fails(lambda x: x > 0, measured):
             first = int(np.argmin(np.asarray(measured) > 0))
             raise ValueError(
                 f"Table({name}=) is {float(measured[first]):.3g} at position {float(self.positions[first]):.4g} m; it "
@@ -198,7 +198,7 @@ class Steps(eqx.Module):
 
     def __init__(self, breaks, values):
         self.breaks = _increasing(breaks)
-        self.values = checks.number("Steps(values=)", values, (len(self.breaks) + 1,))
+        self.values = validation.number("Steps(values=)", values, (len(self.breaks) + 1,))
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         return self.values[jnp.searchsorted(jnp.asarray(self.breaks, s.dtype), s)]
@@ -222,9 +222,9 @@ class Profile(AbstractSection):
     def __init__(self, function, breaks=()):
         if not callable(function):
             raise ValueError(
-                f"section={checks.given(function)} is not a section; give Uniform, Cone, Table or a function of s."
+                f"section={validation.given(function)} is not a section; give Uniform, Cone, Table or a function of s."
             )
-        self.function = checks.carried(function)
+        self.function = validation.carried(function)
         self.breaks = _increasing(breaks)
 
     @property
@@ -245,7 +245,7 @@ def profile(name: str, value: Any, unit: str, what: str | None = None) -> Any:
         return value
     if callable(value):
         return Profile(value, getattr(value, "breaks", ()))
-    return checks.positive(name, value, unit, what)
+    return validation.positive(name, value, unit, what)
 
 
 def _increasing(breaks) -> tuple[float, ...]:
@@ -256,7 +256,7 @@ def _increasing(breaks) -> tuple[float, ...]:
         breaks = tuple(float(s) for s in breaks)
     except (TypeError, ValueError):  # a tracer, too: how many pieces there are must be known
         raise ValueError(
-            f"breaks={checks.given(breaks)} must be a sequence of numbers in m, known and not traced."
+            f"breaks={validation.given(breaks)} must be a sequence of numbers in m, known and not traced."
         ) from None
     if not np.all(np.isfinite(breaks)):
         raise ValueError(f"breaks={breaks} must be finite numbers in m.")

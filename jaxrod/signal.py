@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from . import checks, units
-from .lanes import Undivided
+from .core import validation, units
+from .core.scalarize import Undivided
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
 _ROUGH = 20.0  # times as rough as another, a stencil is left for it: it lies across a jump
@@ -83,21 +83,21 @@ class Record(AbstractSignal):
 
     def __init__(self, times, samples):
         self.given_in = units.of(samples)
-        times = checks.numbers("Record(times=)", times, "times in s", "s")
+        times = validation.numbers("Record(times=)", times, "times in s", "s")
         if times.size < 2:
-            raise ValueError(f"Record(times={checks.shown(times)}) holds one time; give two or more.")
-        if checks.fails(lambda t: np.diff(t) > 0, times):
+            raise ValueError(f"Record(times={validation.shown(times)}) holds one time; give two or more.")
+        if validation.fails(lambda t: np.diff(t) > 0, times):
             first = int(np.argmin(np.diff(times) > 0))
             raise ValueError(
                 f"Record(times=) must increase, but times[{first}]={times[first]:.9g} is followed by {times[first + 1]:.9g}."
             )
-        samples = checks.reals("Record(samples=)", samples, None)
+        samples = validation.reals("Record(samples=)", samples, None)
         shape = samples.shape
         if len(shape) not in (1, 2) or shape[0] != times.size:
             raise ValueError(
                 f"Record(samples=) has shape {shape} for {times.size} times; give one number, or one row, for each."
             )
-        samples = checks.number("Record(samples=)", samples, shape)
+        samples = validation.number("Record(samples=)", samples, shape)
         self.times, self.samples = times, samples
         self.slopes, self.curvatures = _derivatives(times, samples)
 
@@ -148,11 +148,11 @@ class Impulse(AbstractSignal):
 
     def __init__(self, total, start, width):
         self.given_in = units.of(total)
-        self.total = checks.number(
-            "Impulse(total=)", total, checks.reals("Impulse(total=)", total, None).shape[:1], None
+        self.total = validation.number(
+            "Impulse(total=)", total, validation.reals("Impulse(total=)", total, None).shape[:1], None
         )
-        self.start = checks.number("Impulse(start=)", start, unit="s")
-        self.width = checks.positive("Impulse(width=)", width, "s", "seconds")
+        self.start = validation.number("Impulse(start=)", start, unit="s")
+        self.width = validation.positive("Impulse(width=)", width, "s", "seconds")
 
     @property
     def knots(self):
@@ -312,7 +312,7 @@ def _within(value: Any) -> tuple[Any, ...]:
         if not _of_users(value):
             return ()
         names = value.__code__.co_names
-        cells = (checks.content(cell) for cell in value.__closure__ or ())
+        cells = (validation.content(cell) for cell in value.__closure__ or ())
         used = (value.__globals__[name] for name in names if name in value.__globals__)
         return (*cells, *used, value.__defaults__, value.__kwdefaults__)
     if hasattr(value, "__dict__") and not isinstance(value, type | types.ModuleType | jax.Array):

@@ -20,10 +20,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from . import arguments, checks, plausibility, precision, units
+from . import arguments, plausibility
+from .core import validation, precision, units
 from .budget import budgets
 from .chart import AbstractChart
-from .checks import in_type
+from .core.validation import in_type
 from .choice import Plan
 from .defaults import best_solver, by_equal_steps, default_chart
 from .integration import by_the_clock, integrate
@@ -32,7 +33,7 @@ from .ledger import is_closed
 from .motion import State, check_start
 from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
-from .result import Result, SimulationError
+from .core.result import Result, SimulationError
 from .reversal import reversible
 from .rod import Rod
 from .solution import Solution
@@ -111,7 +112,7 @@ def simulate(
             progress_meter=progress_meter, max_steps=max_steps, budget=budget, throw=throw,
         )  # fmt: skip
     arguments.check_scene(system, start, chart)
-    dtype = checks.float_type(system, start)
+    dtype = validation.float_type(system, start)
     precision.warn_if_lowered(dtype, system, start)
     system, start = in_type(dtype, (system, start))
     if isinstance(system, System) and isinstance(start, State):
@@ -124,24 +125,24 @@ def simulate(
     times = arguments.times(ts, t1, t0, saveat, dtype, by_the_clock=stepsize_controller is not None)
     if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint | Reversible):
         raise ValueError(
-            f"adjoint={checks.given(adjoint)} is no adjoint; give an instance, such as diffrax.ForwardMode()."
+            f"adjoint={validation.given(adjoint)} is no adjoint; give an instance, such as diffrax.ForwardMode()."
         )
-    max_steps = checks.count("max_steps", max_steps, 1, "steps")
+    max_steps = validation.count("max_steps", max_steps, 1, "steps")
     step_keywords = {"solver": solver, "stepsize_controller": stepsize_controller, "dt0": dt0, "n_steps": n_steps}
     given = [name for name, value in step_keywords.items() if value is not None]
     if tolerance is not None and given:
         raise ValueError(
-            f"tolerance={checks.brief(tolerance)} chooses solver and steps itself; leave out {', '.join(given)}."
+            f"tolerance={validation.brief(tolerance)} chooses solver and steps itself; leave out {', '.join(given)}."
         )
     asked = arguments.checked_tolerance(tolerance, dtype, (system, start))
     several = isinstance(budget, list | tuple)
     if several and (not budget or any(each is None for each in budget)):
         raise ValueError(
-            f"budget={checks.given(budget)} asks for nothing; give a quantity, such as FinalTip(), or leave it out."
+            f"budget={validation.given(budget)} asks for nothing; give a quantity, such as FinalTip(), or leave it out."
         )
     if budget is not None and isinstance(system, Lagrangian):
         raise ValueError(
-            f"budget={checks.given(budget)} is of a System; of any Lagrangian compare runs of two tolerances."
+            f"budget={validation.given(budget)} is of a System; of any Lagrangian compare runs of two tolerances."
         )
     quantities = [as_quantity(each) for each in (budget if several else [budget])]
 
@@ -149,7 +150,7 @@ def simulate(
     plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
     plain = plain and (adjoint is None or isinstance(adjoint, Reversible | diffrax.ForwardMode))
     # A number that hides in a closure has no reverse derivative through steps that are undone.
-    hidden = isinstance(system, System) and checks.closes_over_traced((system.forces, system.motion))
+    hidden = isinstance(system, System) and validation.closes_over_traced((system.forces, system.motion))
     hidden = hidden and not isinstance(adjoint, diffrax.ForwardMode)
     plain = plain and not hidden
     chosen, why = _chosen(system, solver, plain and chart is None, hidden)
@@ -162,7 +163,7 @@ def simulate(
         arguments.check_multistep(system, chosen, plain and chart is None)
     unrolled = isinstance(chosen, Unrolled) and isinstance(system, System) and chart is None
     equal = plain and (by_equal_steps(chosen) or unrolled)
-    if n_steps is not None and not equal and not checks.known(n_steps):
+    if n_steps is not None and not equal and not validation.known(n_steps):
         raise ValueError("n_steps= is traced, which only symplectic solvers and Unrolled() take; give a known number.")
 
     knots, unknown = arguments.knots(system, times, equal, stepsize_controller, n_steps)
@@ -181,7 +182,7 @@ def simulate(
 
     if equal:
         solution = _explained(_step(scene, start, times, chosen, n_steps, asked, max_steps, adjoint, knots), why)
-        failed = checks.fails(lambda ok: ok, solution.ok)
+        failed = validation.fails(lambda ok: ok, solution.ok)
         if solver is None and n_steps is None and failed and not bool(solution.result == Result.invalid):
             # Steps that adapt may pass over a load that equal ones met: they are to look as closely.
             longest = None if isinstance(system, System) and is_closed(system) else solution.stats["step"] / _CLOSER
@@ -190,13 +191,13 @@ def simulate(
     else:
         solution = through_diffrax(chosen, why)
     solution = _as_asked(solution, system, times, ts, unknown)
-    if throw and checks.known(solution.stats["num_steps"]) and checks.fails(lambda ok: ok, solution.ok):
+    if throw and validation.known(solution.stats["num_steps"]) and validation.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     _doubt_strain(solution)
     if budget is not None:
         assert isinstance(system, System) and isinstance(start, State)
         if not isinstance(solution.states, State):
-            raise ValueError(f"budget={checks.given(budget)} asks whole states; leave out fn= of saveat=.")
+            raise ValueError(f"budget={validation.given(budget)} asks whole states; leave out fn= of saveat=.")
 
         same = {"event": event, "adjoint": adjoint, "max_steps": max_steps, "throw": False}
         alike = {"tolerance": tolerance, "chart": chart, **step_keywords}
@@ -232,10 +233,10 @@ def _doubt_strain(solution: Solution) -> None:
     rod: Any = getattr(solution.system, "rod", None)
     states = solution.states
     hooke = isinstance(rod, Rod) and rod.linear and isinstance(states, State)
-    if not hooke or not checks.known(states.amplitudes) or checks.fails(lambda ok: ok, solution.ok):
+    if not hooke or not validation.known(states.amplitudes) or validation.fails(lambda ok: ok, solution.ok):
         return
     largest = np.max(np.abs(np.asarray(states.amplitudes)[..., :1]), initial=0.0)
-    if doubt := plausibility.strain(largest, checks.brief(rod.young)):
+    if doubt := plausibility.strain(largest, validation.brief(rod.young)):
         warnings.warn(doubt, stacklevel=3)
 
 
@@ -310,7 +311,7 @@ def _step(system, start, times: arguments.Times, solver, n_steps, tolerance, max
 
 def _even(t0, ts, clock) -> bool:
     """Whether save times are known to be equally spaced, from t0 or from the first, to the rounding of their stamps."""
-    if ts.dtype != np.float64 or not all(map(checks.known, (t0, ts, 0.0 if clock is None else clock))):
+    if ts.dtype != np.float64 or not all(map(validation.known, (t0, ts, 0.0 if clock is None else clock))):
         return False
     ts = np.asarray(ts)
     ts = ts if ts[0] == t0 else np.concatenate([[t0], ts])
@@ -329,9 +330,9 @@ def _as_asked(solution: Solution, system, times: arguments.Times, ts, unknown) -
         solution = dataclasses.replace(solution, ts=stamps, stats=stats, system=system)
     stats = dict(solution.stats)
     unseen, code = stats.pop("unseen", None), solution.result
-    if unseen is not None and not checks.known(unseen):
+    if unseen is not None and not validation.known(unseen):
         code = Result.where((code == Result.ok) & unseen, Result.unseen, code)
-    elif unseen is not None and checks.fails(lambda unseen: ~unseen, unseen):
+    elif unseen is not None and validation.fails(lambda unseen: ~unseen, unseen):
         warnings.warn(Result.unseen.sentence, stacklevel=3)
     if unknown is not None:
         lost = jnp.where(unknown, jnp.nan, 1.0)

@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
-from . import checks, configuration
+from .core import validation
+from . import configuration
 from .chart import Director, Strains
 from .lagrangian import Lagrangian
 from .ledger import Ledger, account
 from .limits import model_limits
 from .motion import Driven, State
-from .result import Result
+from .core.result import Result
 from .rod import Rod
 from .system import System
 
@@ -135,7 +136,7 @@ class Solution(eqx.Module):
 
     def _along(self, s: Any) -> Float[Array, " points"]:
         assert isinstance(self._state, State) and isinstance(self.system, System)
-        return checks.along("s", s, self.system.rod.length)
+        return validation.along("s", s, self.system.rod.length)
 
     def _each(self, quantity: Callable, states: Any) -> Array:
         return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states)
@@ -155,7 +156,7 @@ class Solution(eqx.Module):
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
     def __str__(self):
-        if not checks.known(self.ts) or self.ts.ndim > 1:
+        if not validation.known(self.ts) or self.ts.ndim > 1:
             return f"Solution of {self.ts.shape[0]} scenes by {self.method}"
         lines = [
             f"{self.ts.size} times to t = {self.stats['t_end']:.6g} s by {self.method}, {self.stats['num_steps']} steps "

@@ -20,7 +20,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .equations import Scene
-from .lanes import Numbers, by_number
+from .core.scalarize import Numbers, by_number
 from .motion import Flight, Rotation, State
 from .projection import Projection
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks
+from .core import validation
 from .motion import Driven, Flight, State, heading
 
 _MANY_RADIANS = 30.0, 1080.0  # between which a multiple of 15 is taken for degrees
@@ -28,19 +28,19 @@ def started(
         if value is not None and needed:
             kind = type(system.motion).__name__
             raise ValueError(
-                f"{name}={checks.given(value)} has no meaning for {kind}(); leave it out or take motion={needed}."
+                f"{name}={validation.given(value)} has no meaning for {kind}(); leave it out or take motion={needed}."
             )
     if isinstance(system.motion, Driven):
-        held = [checks.number("angle", angle, unit="rad"), checks.number("rate", rate, unit="rad/s")]
-        if any(checks.fails(lambda x: x == 0, x) for x in held):
+        held = [validation.number("angle", angle, unit="rad"), validation.number("rate", rate, unit="rad/s")]
+        if any(validation.fails(lambda x: x == 0, x) for x in held):
             raise ValueError(
-                f"angle={checks.brief(angle)}, rate={checks.brief(rate)}: Driven() prescribes the rotation; leave them out."
+                f"angle={validation.brief(angle)}, rate={validation.brief(rate)}: Driven() prescribes the rotation; leave them out."
             )
         angle, rate, _ = system.motion.turning(0.0)
     numbers = {"angle": angle, "rate": rate}
     if space:
         numbers |= {"azimuth": _or_zero(azimuth), "azimuth_rate": _or_zero(azimuth_rate)}
-    given = {name: checks.number(name, x, unit="rad/s" if "rate" in name else "rad") for name, x in numbers.items()}
+    given = {name: validation.number(name, x, unit="rad/s" if "rate" in name else "rad") for name, x in numbers.items()}
     _check_degrees({name: given[name] for name in ("angle", "azimuth") if name in given})
     strains = {
         "amplitudes": _amplitudes(system, "strain", strain, "amplitudes", amplitudes, ""),
@@ -48,42 +48,42 @@ def started(
     }
     _check_strain(system, strains["amplitudes"])
     place = {"center": (center, "m"), "center_velocity": (center_velocity, "m/s")} if flight else {}
-    place = {name: checks.number(name, _or_zero(x, (0.0, 0.0)), (2,), unit) for name, (x, unit) in place.items()}
+    place = {name: validation.number(name, _or_zero(x, (0.0, 0.0)), (2,), unit) for name, (x, unit) in place.items()}
 
-    dtype = checks.float_type(system, given, strains, place)
+    dtype = validation.float_type(system, given, strains, place)
     given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
     direction, direction_rate, turns = (_spatial if space else _planar)(given)
     return State(direction, direction_rate, **strains, turns=turns, **place)
 
 
 def _amplitudes(system: Any, name, uniform, all_name, amplitudes, unit) -> Float[Array, " n"]:
-    n, uniform = system.basis.n, checks.number(name, uniform, unit=unit)
+    n, uniform = system.basis.n, validation.number(name, uniform, unit=unit)
     if amplitudes is None:
-        if n == 0 and checks.fails(lambda x: x == 0, uniform):
-            raise ValueError(f"{name}={checks.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
+        if n == 0 and validation.fails(lambda x: x == 0, uniform):
+            raise ValueError(f"{name}={validation.shown(uniform)}: Ritz(0) is rigid; take Ritz(1) or leave it out.")
         return _first_alone(uniform, n)
-    if checks.fails(lambda x: x == 0, uniform):
-        raise ValueError(f"{name}={checks.shown(uniform)} and {all_name}= are both given; leave one out.")
-    return checks.number(all_name, amplitudes, (n,), unit)
+    if validation.fails(lambda x: x == 0, uniform):
+        raise ValueError(f"{name}={validation.shown(uniform)} and {all_name}= are both given; leave one out.")
+    return validation.number(all_name, amplitudes, (n,), unit)
 
 
 def _check_degrees(angles: dict[str, Array]) -> None:
     """Warn of an angle that looks like degrees: nobody starts after several turns by a round number of radians."""
     for name, angle in angles.items():
-        if checks.fails(
+        if validation.fails(
             lambda x: (np.abs(x) < _MANY_RADIANS[0]) | (np.abs(x) > _MANY_RADIANS[1]) | (x % 15 != 0), angle
         ):
             warnings.warn(
-                f"{name}={checks.shown(angle)} rad is {float(angle) / (2 * np.pi):.3g} turns; "
-                f"if degrees are meant, give {name}=jnp.deg2rad({checks.shown(angle)}).",
+                f"{name}={validation.shown(angle)} rad is {float(angle) / (2 * np.pi):.3g} turns; "
+                f"if degrees are meant, give {name}=jnp.deg2rad({validation.shown(angle)}).",
                 stacklevel=5,
             )
 
 
 def _check_strain(system: Any, amplitudes):
-    if checks.fails(lambda a: a == 0, amplitudes):
+    if validation.fails(lambda a: a == 0, amplitudes):
         lowest = system.lowest_strain(amplitudes)
-        if checks.fails(lambda strain: strain > -1, lowest):
+        if validation.fails(lambda strain: strain > -1, lowest):
             raise ValueError(f"strain={float(lowest):.6g} turns the rod inside out; it must be above -1.")
 
 
@@ -91,19 +91,19 @@ def _or_zero(value, zero: Any = 0.0):
     return zero if value is None else value
 
 
-@checks.at_once
+@validation.at_once
 def _first_alone(uniform, n: int):
     return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
 
 
-@checks.at_once
+@validation.at_once
 def _planar(given):
     angle, rate = given["angle"], given["rate"]
     direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
     return direction, rate * jnp.stack([-direction[1], direction[0]]), _turns(angle, direction)
 
 
-@checks.at_once
+@validation.at_once
 def _spatial(given):
     angle, rate, azimuth, azimuth_rate = (given[name] for name in ("angle", "rate", "azimuth", "azimuth_rate"))
     outward = jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth), jnp.zeros_like(azimuth)])

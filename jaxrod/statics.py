@@ -9,10 +9,10 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from . import checks
+from .core import validation
 from .basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
-from .linear_algebra import one_by_one, pinv
+from .core.linear_algebra import one_by_one, pinv
 from .motion import Driven, Flight, State
 from .system import System, check_system
 
@@ -48,17 +48,17 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     check_system(system)
     if spin is not None and momentum is not None:
         raise ValueError(
-            f"spin={checks.brief(spin)} and momentum={checks.brief(momentum)} are both given; leave one out."
+            f"spin={validation.brief(spin)} and momentum={validation.brief(momentum)} are both given; leave one out."
         )
     if isinstance(system.motion, Driven) and not (angle is None and spin is None and momentum is None):
         raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
     if isinstance(system.motion, Driven):
         _, rate, acceleration = system.motion.turning(0.0)
-        if checks.fails(lambda rate, acceleration: np.abs(acceleration) <= 1e-9 * (1 + rate**2), rate, acceleration):
+        if validation.fails(lambda rate, acceleration: np.abs(acceleration) <= 1e-9 * (1 + rate**2), rate, acceleration):
             raise ValueError(
                 f"motion=Driven() turns faster and faster, by {acceleration:.4g} rad/s^2: nothing is steady."
             )
-        if system.gravity is not None and checks.fails(
+        if system.gravity is not None and validation.fails(
             lambda rate, g: (rate == 0) | np.all(g == 0), rate, system.gravity
         ):
             raise ValueError(
@@ -66,20 +66,20 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
             )
     given = {"angle": angle, "spin": spin, "momentum": momentum}
     in_si = {"angle": "rad", "spin": "rad/s", "momentum": "kg m^2/s"}
-    given = {name: checks.number(name, x, unit=in_si[name]) for name, x in given.items() if x is not None}
+    given = {name: validation.number(name, x, unit=in_si[name]) for name, x in given.items() if x is not None}
     # Searched in JAX's default type, in which Optimistix keeps its own numbers.
-    dtype, wide = checks.float_type(system, given), jnp.result_type(float)
-    scene, given = checks.in_type(wide, (system, given))
+    dtype, wide = validation.float_type(system, given), jnp.result_type(float)
+    scene, given = validation.in_type(wide, (system, given))
     state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
     sound = (error < unbalanced_at_most(error.dtype)) & (lowest > -1)
-    if checks.fails(lambda sound: sound, sound):
+    if validation.fails(lambda sound: sound, sound):
         raise ValueError(_none_found(system, given, error, lowest))
     return jax.tree.map(lambda x: jnp.where(sound, x, jnp.nan).astype(dtype), state)
 
 
 def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
     """What to say where there is no equilibrium, with its likely causes."""
-    what = ", ".join(f"{name}={checks.shown(value)}" for name, value in given.items())
+    what = ", ".join(f"{name}={validation.shown(value)}" for name, value in given.items())
     driven, linear = isinstance(system.motion, Driven), getattr(system.rod, "linear", True)
     if _weighs(system) and ("spin" in given or "momentum" in given):
         causes = ["gravity acts, and a rod spinning in a vertical plane is never steady"]
@@ -98,7 +98,7 @@ def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
 
 @eqx.filter_jit
 def _search(system, angle, spin, momentum):
-    dtype = checks.float_type(system, angle, spin, momentum)
+    dtype = validation.float_type(system, angle, spin, momentum)
     base = _guess(system, angle, spin).astype(dtype)
     slopes = 0 if isinstance(system.motion, Driven) else base.size - 1
     n = 0 if isinstance(system.basis, QuasiStatic) else system.basis.n

@@ -13,12 +13,12 @@ from .energy import gravity_pivoted, kinetic_director
 from .equations import eigenvalues
 from .flat import Flat
 from .ledger import energy_change, is_closed, over, with_start
-from .linear_algebra import eigvalsh
+from .core.linear_algebra import eigvalsh
 from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motion import Driven, Flight, State
 from .multistep import AbstractMultistep, Remembered
 from .preview import INSTANTS, Preview, preview
-from .result import Result
+from .core.result import Result
 from .reversal import forward_refused
 from .solution import Solution
 from .splitting import AbstractStepped

@@ -8,9 +8,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from . import checks
+from .core import validation
 from .basis import Ritz
-from .lanes import depends_on_first
+from .core.scalarize import depends_on_first
 from .motion import State
 
 _LEAST = 1e-9  # stiffness of the forces, over that of the rod, that is worth a warning
@@ -18,11 +18,11 @@ _LEAST = 1e-9  # stiffness of the forces, over that of the rod, that is worth a 
 
 def warn_of_forces(name: str, system: Any) -> None:
     """Warn that `name` leaves out forces that stiffen or soften this scene; silent under transformations."""
-    if not getattr(system, "forces", ()) or not all(map(checks.known, jax.tree.leaves(system))):
+    if not getattr(system, "forces", ()) or not all(map(validation.known, jax.tree.leaves(system))):
         return
     system = system if system.basis.n else dataclasses.replace(system, basis=Ritz(1))
     # A look at the program comes first: it costs no compilation.
-    if depends_on_first(_pushes(system), jnp.zeros(system.basis.n)) and checks.fails(
+    if depends_on_first(_pushes(system), jnp.zeros(system.basis.n)) and validation.fails(
         lambda x: x < _LEAST, _share(system)
     ):
         warnings.warn(

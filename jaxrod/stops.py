@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from . import checks
+from .core import validation
 from .preview import Preview
 from .system import System
 
@@ -68,16 +68,16 @@ def known_knots(system: System, clock, start, end) -> tuple[Float[Array, " K"] |
     zero = jnp.zeros_like(start) if clock is None else clock
     begin, end = zero + start, zero + end
     unknown = system.unknown(begin, end)
-    if checks.fails(lambda unknown: ~unknown, unknown):
+    if validation.fails(lambda unknown: ~unknown, unknown):
         raise ValueError(
-            f"a Record of the scene does not reach over the run, from {checks.shown(begin)} to {checks.shown(end)} s; add "
+            f"a Record of the scene does not reach over the run, from {validation.shown(begin)} to {validation.shown(end)} s; add "
             "samples, or of a force one of zero at its end."
         )
-    return jnp.asarray(since(zero, found), start.dtype), None if checks.known(unknown) else unknown
+    return jnp.asarray(since(zero, found), start.dtype), None if validation.known(unknown) else unknown
 
 
 def since(t0, ts) -> Any:
     """Times since t0: of known ones in float64, whatever the type of the run."""
-    if checks.known(t0) and checks.known(ts):
+    if validation.known(t0) and validation.known(ts):
         return np.asarray(ts, np.float64) - np.asarray(t0, np.float64)
     return jnp.asarray(ts) - jnp.asarray(t0)

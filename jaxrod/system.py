@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import checks, energy, units
+from .core import validation, units
+from . import energy
 from .axial import Axial
 from .basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
@@ -60,7 +61,7 @@ class System(eqx.Module):
         self.gravity = None if gravity is None else _gravity(gravity, motion)
         if not isinstance(forces, tuple | list):
             raise ValueError(
-                f"forces={checks.given(forces)} is not a sequence of forces; give a tuple such as (Torque(1.0),)."
+                f"forces={validation.given(forces)} is not a sequence of forces; give a tuple such as (Torque(1.0),)."
             )
         self.forces = tuple(forces)
         check_parts(rod, motion, self.basis, self.forces, lambda: self.body)
@@ -190,7 +191,7 @@ class System(eqx.Module):
     def shape(self, state: State, s: Float[Array, " points"]) -> Float[Array, "points D"]:
         """Positions in m of the material points s (m): from the pivot, in flight from the origin."""
         check_state(self, state)
-        s = checks.along("s", s, self.rod.length)
+        s = validation.along("s", s, self.rod.length)
         phi = self.basis.shapes(self.rod, s, self._pivot, self._free)
         along = phi[0] + state.amplitudes @ phi[1:]
         points = along[:, None] * state.direction[None, :]
@@ -205,7 +206,7 @@ class System(eqx.Module):
     def strain_field(self, state: State, s: Float[Array, " points"]) -> Float[Array, " points"]:
         """Strain at the material points s (m)."""
         check_state(self, state)
-        s = checks.along("s", s, self.rod.length)
+        s = validation.along("s", s, self.rod.length)
         if isinstance(self.rod, Lumped):
             return jnp.broadcast_to(state.strain, s.shape)
         return state.amplitudes @ self.basis.strains(self.rod, s, self._pivot, self._free)
@@ -239,10 +240,10 @@ class System(eqx.Module):
     def check_chart(self, chart: AbstractChart) -> None:
         """Refuse, by `ValueError`, coordinates that this scene does not have."""
         if not isinstance(chart, AbstractChart):
-            raise ValueError(f"chart={checks.given(chart)} is not a chart; give one, such as Angles() or Director().")
+            raise ValueError(f"chart={validation.given(chart)} is not a chart; give one, such as Angles() or Director().")
         if isinstance(chart, Strains) != isinstance(self.motion, Driven):
             raise ValueError(
-                f"chart={checks.given(chart)} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take "
+                f"chart={validation.given(chart)} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take "
                 "Strains() for Driven() and another for the rest."
             )
         if isinstance(chart, Embedded) and not self.flat:
@@ -284,7 +285,7 @@ class System(eqx.Module):
     def splits_flat(self) -> bool:
         """Whether `split` is `Flat`: the strain is uniform, and 1 + eps would not cost float32 its digits."""
         hooke = isinstance(self.rod, Lumped) or self.rod.linear
-        return self.flat and not (hooke and checks.float_type(self) == jnp.float32)
+        return self.flat and not (hooke and validation.float_type(self) == jnp.float32)
 
     @property
     def unsplit(self) -> str:
@@ -315,7 +316,7 @@ class System(eqx.Module):
 def check_system(system: Any) -> None:
     """Refuse, by `ValueError`, what is not a `System`."""
     if not isinstance(system, System):
-        raise ValueError(f"system={checks.given(system)} is no scene; give a System(rod, motion, basis).")
+        raise ValueError(f"system={validation.given(system)} is no scene; give a System(rod, motion, basis).")
 
 
 def check_state(system: System, state: Any, name: str = "state") -> None:
@@ -326,15 +327,15 @@ def check_state(system: System, state: Any, name: str = "state") -> None:
 @eqx.filter_jit  # asked for in many places of a program, it is traced once for all of them
 def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Projection:
     # In the widest type there is: the shapes of a strong taper nearly cancel, and float32 has no digits to spare.
-    wide_rod, wide_pivot = checks.in_type(jnp.result_type(float), (rod, pivot))
-    return checks.in_type(checks.float_type(rod, pivot), basis.project(wide_rod, wide_pivot, free))
+    wide_rod, wide_pivot = validation.in_type(jnp.result_type(float), (rod, pivot))
+    return validation.in_type(validation.float_type(rod, pivot), basis.project(wide_rod, wide_pivot, free))
 
 
 def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
     gravity = units.plain("gravity", gravity, "m/s^2")
     if np.ndim(gravity) == 0:
-        return checks.not_negative("gravity", gravity, "m/s^2", "m/s^2 (or a vector, or None)")
-    return checks.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),), "m/s^2")
+        return validation.not_negative("gravity", gravity, "m/s^2", "m/s^2 (or a vector, or None)")
+    return validation.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),), "m/s^2")
 
 
 def _finite(tree) -> Any:

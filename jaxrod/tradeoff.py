@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from . import arguments, checks
+from . import arguments
+from .core import validation
 from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
-from .checks import in_type
+from .core.validation import in_type
 from .choice import named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer, rung
@@ -133,11 +134,11 @@ def tradeoff(
     >>> print(found.reference, len(found.front) > 0)
     the exact rod True
     """
-    seconds = float(checks.positive("seconds", seconds, "s", "seconds of computing"))
+    seconds = float(validation.positive("seconds", seconds, "s", "seconds of computing"))
     arguments.check_known(system, start, "measure one like it by itself", static)
     if isinstance(system.rod, Lumped):
         raise ValueError("a Lumped body has one rung only; give a Rod to trade speed for accuracy.")
-    checks.optional_switch("progress", progress)
+    validation.optional_switch("progress", progress)
     quantity = as_quantity(quantity)
     t0, t1 = arguments.interval(t1, t0)
     ts, begun = quantity.times(t0, t1), time.perf_counter()

@@ -6,10 +6,10 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
-from . import checks
+from .core import validation
 from .chart import Director, Embedded, Strains
 from .equations import Condensed, Moving, eigenvalues
-from .lanes import by_number, gathered, scattered
+from .core.scalarize import by_number, gathered, scattered
 from .motion import Driven
 from .splitting import AbstractStepped, Split, least, lowest, watched
 from .system import System
@@ -37,7 +37,7 @@ class Unrolled(diffrax.AbstractSolver):
     def __check_init__(self):
         if not isinstance(self.method, diffrax.AbstractERK):
             raise ValueError(
-                f"Unrolled(method={checks.given(self.method)}) is no explicit Runge-Kutta method; give diffrax.Tsit5()."
+                f"Unrolled(method={validation.given(self.method)}) is no explicit Runge-Kutta method; give diffrax.Tsit5()."
             )
 
     # By Diffrax itself it is the method as it is.

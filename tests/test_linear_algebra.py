@@ -13,7 +13,7 @@ import optimistix as optx
 import pytest
 
 import jaxrod
-from jaxrod import linear_algebra
+from jaxrod.core import linear_algebra
 
 SWEEPS = """
 import jaxrod

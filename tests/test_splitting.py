@@ -11,7 +11,7 @@ import pytest
 import jaxrod
 from jaxrod.axial import Axial
 from jaxrod.flat import Flat
-from jaxrod.lanes import gathered, scattered
+from jaxrod.core.scalarize import gathered, scattered
 from jaxrod.prescribed import Prescribed
 from jaxrod.splitting import Split
 from jaxrod.symplectic import single_step

@@ -11,7 +11,7 @@ import pint
 import pytest
 
 import jaxrod
-from jaxrod import units
+from jaxrod.core import units
 
 Q = pint.UnitRegistry().Quantity  # one of its own, not the application's
 

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod import calling
+from jaxrod.core import calling
 
 
 def scene(uniform, *forces, motion=None, basis=None):

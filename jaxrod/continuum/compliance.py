@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import checks
+from ..core import validation
 from ..mesh import Mesh, mesh, panel_ends, safe_sqrt
 from ..rod import Lumped, Rod
 
@@ -25,11 +25,11 @@ def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
     """The rod, its pivot (m from the root; None: the root itself, or none in flight), and whether it is in flight."""
     rod = getattr(system, "rod", None)
     if rod is None:
-        raise ValueError(f"system={checks.given(system)} is no scene; give a System(rod, motion, basis).")
+        raise ValueError(f"system={validation.given(system)} is no scene; give a System(rod, motion, basis).")
     if isinstance(rod, Lumped):
         raise ValueError("rod=Lumped(...) has no length of material to vibrate; give a Rod(length, section, ...).")
     pivot = getattr(system.motion, "pivot", None)
-    if pivot is not None and checks.fails(lambda s: s != 0, pivot):
+    if pivot is not None and validation.fails(lambda s: s != 0, pivot):
         pivot = None
     pivot = None if pivot is None else rod.held_at(pivot)
     return rod, pivot, not hasattr(system.motion, "pivot")
@@ -48,17 +48,17 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
     A wave needs about pi nodes for its length.  Where the rod is not known yet, one panel may hold all the waves.
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or n < 0:
-        raise ValueError(f"n={checks.given(n)} must be a whole number of frequencies, 0 or more.")
+        raise ValueError(f"n={validation.given(n)} must be a whole number of frequencies, 0 or more.")
     ends, s, time = _travel(rod, pivot)
     share = 1.0
-    if checks.known(ends) and checks.known(time) and np.all(np.isfinite(ends)):
+    if validation.known(ends) and validation.known(time) and np.all(np.isfinite(ends)):
         by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
         share = float(by_panel.max() / by_panel.sum())
     needed = rod.resolution.order - 4 + 48 / (ends.size - 1) + 1.7 * n * share
     return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
 
 
-@checks.at_once
+@validation.at_once
 def _travel(rod: Rod, pivot: Any):
     """Ends of the panels; points along the rod and the time in s a wave takes past each."""
     s, ds = rod.quadrature()

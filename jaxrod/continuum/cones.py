@@ -9,8 +9,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .. import checks
-from ..quadrature import Panels
+from ..core import validation
+from ..core.quadrature import Panels
 from ..rod import Rod
 from ..section import Cone, Profile, Uniform
 from .compliance import support
@@ -24,7 +24,7 @@ def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[A
     **Raises:** `ValueError` for radii that are negative, and for n that is not a whole number >= 1.
     """
     held, free = _radii(held=held, free=free)
-    return _held_free(held, free, checks.count("n", n, 1, "roots"))
+    return _held_free(held, free, validation.count("n", n, 1, "roots"))
 
 
 @eqx.filter_jit
@@ -45,11 +45,11 @@ def free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Floa
     **Raises:** `ValueError` for radii that are negative, and for n that is not a whole number >= 1.
     """
     first, second = _radii(first=first, second=second)
-    return _free_free(first, second, checks.count("n", n, 1, "roots"))
+    return _free_free(first, second, validation.count("n", n, 1, "roots"))
 
 
 def _radii(**radii: Any) -> list[Array]:
-    return [checks.not_negative(name, radius, "m", "metres") for name, radius in radii.items()]
+    return [validation.not_negative(name, radius, "m", "metres") for name, radius in radii.items()]
 
 
 @eqx.filter_jit
@@ -71,8 +71,8 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     **Raises:** `ValueError` unless the rod is a `Uniform` or `Cone` of one material, held at its root.
     """
     rod, root, tip = _cone_held_at_root(system)
-    strain, ts = checks.number("strain", strain), checks.numbers("ts", ts, "times in s", "s")
-    return _release(rod, root, tip, strain, ts, checks.count("n", n, 1, "terms"))
+    strain, ts = validation.number("strain", strain), validation.numbers("ts", ts, "times in s", "s")
+    return _release(rod, root, tip, strain, ts, validation.count("n", n, 1, "terms"))
 
 
 @eqx.filter_jit
@@ -89,7 +89,7 @@ def _release(rod: Rod, root, tip, strain, ts: Float[Array, " T"], n: int) -> Flo
 
 def _cone_held_at_root(system: Any) -> tuple[Rod, Float[Array, ""], Float[Array, ""]]:
     rod, pivot, free = support(system)
-    if free or (pivot is not None and checks.fails(lambda s: s == 0, pivot)):
+    if free or (pivot is not None and validation.fails(lambda s: s == 0, pivot)):
         raise ValueError(
             f"motion={type(system.motion).__name__}: this closed form is of a rod held at its root; take Rotation()."
         )

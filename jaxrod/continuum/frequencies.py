@@ -10,8 +10,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import checks, precision
-from ..linear_algebra import inverse_root, singular_values
+from ..core import validation, precision
+from ..core.linear_algebra import inverse_root, singular_values
 from ..rod import Rod
 from ..stiffening import warn_of_forces
 from .compliance import Axial, axial, linear_support, order_for, support
@@ -36,8 +36,8 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     [19.239 67.424]
     """
     rod, pivot, free = support(system)
-    n = checks.count("n", n, 1, "frequencies", _MOST)
-    precision.warn_if_lowered(checks.float_type(system), system, ())
+    n = validation.count("n", n, 1, "frequencies", _MOST)
+    precision.warn_if_lowered(validation.float_type(system), system, ())
     warn_of_forces("continuum.natural_frequencies", system)
     return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 
@@ -73,10 +73,10 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     [19.665 67.385]
     """
     rod, pivot, flying = linear_support(system)
-    n = checks.count("n", n, 1, "frequencies", _MOST)
-    checks.switch("free", free)
+    n = validation.count("n", n, 1, "frequencies", _MOST)
+    validation.switch("free", free)
     warn_of_forces("continuum.spinning_frequencies", system)
-    rate, order = checks.number("rate", rate, unit="rad/s"), order_for(rod, pivot, n)
+    rate, order = validation.number("rate", rate, unit="rad/s"), order_for(rod, pivot, n)
     if free:
         return _spinning(rod, pivot, flying, rate, n, order) / (2 * jnp.pi)
     square = _natural(rod, pivot, flying, n, order) ** 2 - rate**2
@@ -99,7 +99,7 @@ def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
     """
     rod, pivot, flying = linear_support(system)
     warn_of_forces("continuum.steady_spin", system)
-    return _steady_tip(rod, pivot, flying, checks.number("rate", rate, unit="rad/s"), order_for(rod, pivot, 1))
+    return _steady_tip(rod, pivot, flying, validation.number("rate", rate, unit="rad/s"), order_for(rod, pivot, 1))
 
 
 @eqx.filter_jit

@@ -16,11 +16,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .. import calling, checks, precision, units
+from ..core import calling, validation, precision, units
 from ..force import TipForce
 from ..motion import Driven, State, check_start
 from ..preview import preview
-from ..result import Result
+from ..core.result import Result
 from ..reversal import forward_refused, reversible
 from ..stops import Stops, known_knots
 from .compliance import order_for, support
@@ -90,26 +90,26 @@ def simulate(
     """
     rod, pivot, _ = support(system)
     _check(system, start, modes, static)
-    checks.switch("error", error)
+    validation.switch("error", error)
     modes = int(modes)
-    dtype = checks.float_type(system, start)
+    dtype = validation.float_type(system, start)
     if dtype != jnp.float64:
         raise ValueError(
             f"system and start are {dtype}; the exact rod needs float64: {precision.remedy(system, start)}."
         )
-    tolerance = checks.positive("tolerance", tolerance, "", "radians and strains")
-    if checks.fails(lambda x: x >= _LEAST, tolerance):
-        raise ValueError(f"tolerance={checks.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
-    t0 = jnp.asarray(checks.number("t0", t0, unit="s"), dtype)
-    ts = jnp.asarray(checks.numbers("ts", ts, "times in s", "s"), dtype)
-    if checks.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
+    tolerance = validation.positive("tolerance", tolerance, "", "radians and strains")
+    if validation.fails(lambda x: x >= _LEAST, tolerance):
+        raise ValueError(f"tolerance={validation.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
+    t0 = jnp.asarray(validation.number("t0", t0, unit="s"), dtype)
+    ts = jnp.asarray(validation.numbers("ts", ts, "times in s", "s"), dtype)
+    if validation.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
         raise ValueError(
-            f"ts={checks.shown(ts)} must increase from t0={checks.shown(t0)} on; sort it and drop doubles."
+            f"ts={validation.shown(ts)} must increase from t0={validation.shown(t0)} on; sort it and drop doubles."
         )
     if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint):
         raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
     backwards = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
-    system, start = checks.in_type(dtype, (system, start))
+    system, start = validation.in_type(dtype, (system, start))
     order = order_for(rod, pivot, modes)
     forwards = isinstance(adjoint, diffrax.ForwardMode)
     if not forwards:
@@ -117,12 +117,12 @@ def simulate(
     knots, unknown = known_knots(system, None, t0, ts[-1])
     with forward_refused(_FORWARD):
         solution, beyond, unseen = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards, knots)
-    if checks.fails(lambda unseen: ~unseen, unseen):
+    if validation.fails(lambda unseen: ~unseen, unseen):
         warnings.warn(Result.unseen.sentence, stacklevel=2)
-    lost = (False if checks.known(unseen) else unseen) | (False if unknown is None else unknown)
+    lost = (False if validation.known(unseen) else unseen) | (False if unknown is None else unknown)
     solution = dataclasses.replace(solution, ended=solution.ended & jnp.logical_not(lost))
     solution = reversible(solution, 0, _BACKWARD) if forwards else solution
-    if static and checks.fails(lambda x: x < 0, beyond):
+    if static and validation.fails(lambda x: x < 0, beyond):
         raise ValueError(
             f"static=True: the start turns at or beyond the critical rate of {float(solution.waves.omega[0]):.6g} rad/s, where "
             "no strain holds the rod; start it slower, or leave out static=."
@@ -157,11 +157,11 @@ def converged(
     8 True
     """
     change = units.plain("change", change, None)
-    if checks.fails(lambda x: x > 0, checks.number("change", change)):
-        raise ValueError(f"change={checks.brief(change)} must be positive; give it in the unit of quantity.")
-    modes, most = checks.count("modes", modes, 2, "modes"), checks.count("most", most, 2, "modes")
+    if validation.fails(lambda x: x > 0, validation.number("change", change)):
+        raise ValueError(f"change={validation.brief(change)} must be positive; give it in the unit of quantity.")
+    modes, most = validation.count("modes", modes, 2, "modes"), validation.count("most", most, 2, "modes")
     if quantity is not None and not callable(quantity):
-        raise ValueError(f"quantity={checks.given(quantity)} is not a function; give one of a ContinuumSolution.")
+        raise ValueError(f"quantity={validation.given(quantity)} is not a function; give one of a ContinuumSolution.")
     if most < 2 * modes:
         raise ValueError(f"most={most} leaves nothing to compare modes={modes} with; give twice as many or more.")
     asked = (lambda solution: solution.tip_stretch) if quantity is None else quantity
@@ -182,8 +182,8 @@ def converged(
 
 
 def _check(system: Any, start: State, modes: int, static: bool) -> None:
-    checks.switch("static", static)
-    checks.count("modes", modes, 2, "modes")
+    validation.switch("static", static)
+    validation.count("modes", modes, 2, "modes")
     why = untaken(system, static)
     if why:
         raise ValueError(why)

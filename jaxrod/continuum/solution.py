@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .. import checks
+from ..core import validation
 from ..motion import State
 from .waves import Waves
 
@@ -102,13 +102,13 @@ class ContinuumSolution(eqx.Module):
     def strain_field(self, s: Float[Array, " points"]) -> Float[Array, "T points"]:
         """Strain at the material coordinates s (m)."""
         rod = self.system.rod
-        s = checks.along("s", s, rod.length)
+        s = validation.along("s", s, rod.length)
         rigidity = rod.modulus(s) * rod.area(s)
         amplitudes = jnp.concatenate([self.states.amplitudes, self.loads], axis=1)
         return amplitudes @ self.waves.tension_at(s).T / rigidity[None, :]
 
     def __str__(self):
-        if not checks.known(self.ts):
+        if not validation.known(self.ts):
             return f"ContinuumSolution at {self.ts.size} times"
         n = self.waves.omega.size
         lines = [

@@ -11,9 +11,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..linear_algebra import svd
+from ..core.linear_algebra import svd
 from ..mesh import panel_ends, safe_sqrt
-from ..quadrature import Panels
+from ..core.quadrature import Panels
 from ..rod import Rod
 from .compliance import axial
 

@@ -18,7 +18,7 @@ import numpy as np
 from jax.extend import core
 from jaxtyping import Array
 
-from .arithmetic import Arithmetic, plain
+from .scalar_arithmetic import Arithmetic, plain
 
 _LONG = 64  # numbers of a constant, beyond which it stays an array
 

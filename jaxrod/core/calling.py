@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
-from . import checks, units
+from . import validation, units
 
 # What JAX raises where a program asks for the value of a number that is only traced.
 _TRACED = (jax.errors.JAXTypeError, jax.errors.JAXIndexError)
@@ -45,7 +45,7 @@ def answer(
     try:
         array = real(found)
     except (TypeError, ValueError):
-        raise refused(checks.given(found)) from None
+        raise refused(validation.given(found)) from None
     if jnp.issubdtype(array.dtype, jnp.complexfloating):
         raise refused("complex numbers")
     if shapes is not None and array.shape not in shapes:
@@ -62,7 +62,7 @@ def arrays(name: str, wanted: str, function: Callable[..., Any], *given: Any) ->
     leaves = jax.tree.leaves(found)
     wrong = [x for x in leaves if not eqx.is_array_like(x)]
     if wrong or not leaves:
-        what = checks.given(wrong[0]) if wrong else f"{checks.given(found)}, which holds no array"
+        what = validation.given(wrong[0]) if wrong else f"{validation.given(found)}, which holds no array"
         raise ValueError(f"{name} returned {what}; give a function {wanted}, written with jax.numpy.")
     return found
 

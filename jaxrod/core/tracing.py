@@ -10,7 +10,7 @@ import jax
 from jax.core import Tracer
 from jaxtyping import Array, Inexact
 
-from . import checks
+from . import validation
 
 _ALONG = frozenset(["s"])
 _STEPPED = {"floor", "ceil", "round", "sign", "rem"}  # steps in floating point; comparisons and integers step anyway
@@ -18,7 +18,7 @@ _STEPPED = {"floor", "ceil", "round", "sign", "rem"}  # steps in floating point;
 
 def traced(part: Any) -> bool:
     """Whether a number in its pytree, or in its closures, is traced."""
-    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or checks.closes_over_traced(part)
+    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or validation.closes_over_traced(part)
 
 
 def deciding(part: Any, s: Any) -> list[Inexact[Array, "..."]]:

@@ -21,8 +21,8 @@ def plain(name: str, value: Any, unit: str | None) -> Any:
 
     **Raises:** `ValueError` for a quantity that does not convert to `unit`, and for one without Pint's names.
 
-    >>> import jaxrod.units, pint
-    >>> jaxrod.units.plain("length", pint.Quantity(2000, "mm"), "m")
+    >>> import jaxrod.core.units, pint
+    >>> jaxrod.core.units.plain("length", pint.Quantity(2000, "mm"), "m")
     2.0
     """
     if not carries_unit(value):
@@ -42,8 +42,8 @@ def read(text: str, unit: str) -> float:
 
     **Raises:** `ValueError` for what is not a number with a unit that converts, and where Pint is not installed.
 
-    >>> import jaxrod.units
-    >>> jaxrod.units.read("210 GPa", "Pa")
+    >>> import jaxrod.core.units
+    >>> jaxrod.core.units.read("210 GPa", "Pa")
     210000000000.0
     """
     try:

@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import configuration
+from .. import configuration
 
 _NAMED = 3  # numbers in a message
 
