@@ -14,7 +14,7 @@ from .chart import AbstractChart
 from .lagrangian import Lagrangian
 from .motion import Driven, State, check_start
 from .multistep import AbstractMultistep
-from .rod import Rod
+from .rods.rod import Rod
 from .stepping import LEAST_TOLERANCE
 from .stops import known_knots, since
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from .core import validation
 from .projection import Projection, inverse_root, lumped
 from .core.quadrature import Panels, legendre, local
-from .rod import Lumped, Rod
+from .rods.rod import Lumped, Rod
 
 
 class AbstractBasis(eqx.Module):

@@ -27,7 +27,7 @@ from .limits import ModelLimits, model_limits
 from .motion import State
 from .quantity import AbstractQuantity
 from .core.result import Result
-from .rod import Rod
+from .rods.rod import Rod
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE
 from .system import System

@@ -13,8 +13,8 @@ from jaxtyping import Array, Float
 from . import continuum, modal, paper, plot
 from .basis import Ritz
 from .motion import Flight, Rotation, State
-from .rod import Lumped, Rod
-from .section import Cone
+from .rods.rod import Lumped, Rod
+from .rods.section import Cone
 from .simulation import simulate
 from .solution import Solution
 from .system import System

@@ -14,7 +14,7 @@ from .basis import AbstractBasis, QuasiStatic, Ritz
 from .force import AbstractForce, KelvinVoigt
 from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
 from .projection import Projection
-from .rod import Lumped, Rod
+from .rods.rod import Lumped, Rod
 
 _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}
 

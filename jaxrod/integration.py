@@ -22,7 +22,7 @@ from .preview import preview
 from .projection import Projection
 from .core.result import Result
 from .reversal import ONCE, forward_refused, reversible
-from .rod import Rod
+from .rods.rod import Rod
 from .solution import Solution
 from .stops import Stops, since
 from .symplectic import AbstractSymplectic, SplitTerm

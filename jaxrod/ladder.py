@@ -15,7 +15,7 @@ from .force import KelvinVoigt, PivotFriction, ShakenBase, Torque
 from .lagrangian import solve_positive
 from .load_basis import LoadRitz
 from .motion import Driven, State
-from .rod import Lumped, Rod
+from .rods.rod import Lumped, Rod
 from .system import System, check_state, check_system
 
 _ORDER = 24  # nodes for each panel

@@ -21,7 +21,7 @@ from . import continuum
 from .core.linear_algebra import singular_values, svd
 from .mesh import mesh, safe_sqrt
 from .motion import Driven
-from .rod import Rod
+from .rods.rod import Rod
 
 _NU = 0.5  # Poisson's ratio at its greatest, of rubber: the most that lateral inertia can do
 _ORDER = 24  # nodes for each panel

@@ -9,7 +9,7 @@ from jaxtyping import Array, Float
 
 from .core import validation
 from .core.quadrature import gauss
-from .rod import Rod
+from .rods.rod import Rod
 
 
 class Mesh(NamedTuple):

@@ -14,7 +14,7 @@ from . import continuum, statics
 from .chart import Local
 from .motion import State
 from .projection import Projection
-from .rod import Rod
+from .rods.rod import Rod
 from .stiffening import warn_of_forces
 from .system import System, check_state, check_system
 

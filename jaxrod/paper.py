@@ -13,8 +13,8 @@ import numpy as np
 from .basis import Ritz
 from .limits import model_limits
 from .motion import Rotation
-from .rod import Lumped, Rod
-from .section import Cone
+from .rods.rod import Lumped, Rod
+from .rods.section import Cone
 from .simulation import simulate
 from .solution import Solution
 from .system import System, check_system

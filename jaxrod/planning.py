@@ -31,7 +31,7 @@ from .load_basis import LoadRitz
 from .motion import Driven, Flight, State
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
-from .rod import Lumped
+from .rods.rod import Lumped
 from .simulation import simulate
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .core import linear_algebra
-from .rod import Lumped
+from .rods.rod import Lumped
 
 
 class Projection(eqx.Module):

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 from .core import calling, validation
 from . import continuum
 from .modal import natural_frequencies
-from .rod import Rod
+from .rods.rod import Rod
 from .system import System
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from . import continuum
 from .motion import State
 from .quantity import AbstractQuantity, Measured
-from .rod import Rod
+from .rods.rod import Rod
 from .system import System
 
 _MODES = (8, 16, 32, 64, 128, 256)

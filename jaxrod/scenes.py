@@ -11,8 +11,8 @@ from .force import TipForce
 from .motion import Driven, Rotation, Spherical, State
 from .paper import corrected
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
-from .rod import Rod
-from .section import Cone, Uniform
+from .rods.rod import Rod
+from .rods.section import Cone, Uniform
 from .system import System
 
 

@@ -20,7 +20,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from . import arguments, plausibility
+from . import arguments
+from .rods import plausibility
 from .core import validation, precision, units
 from .budget import budgets
 from .chart import AbstractChart
@@ -35,7 +36,7 @@ from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .core.result import Result, SimulationError
 from .reversal import reversible
-from .rod import Rod
+from .rods.rod import Rod
 from .solution import Solution
 from .stepping import step_through
 from .symplectic import AbstractSymplectic

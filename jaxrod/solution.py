@@ -17,7 +17,7 @@ from .ledger import Ledger, account
 from .limits import model_limits
 from .motion import Driven, State
 from .core.result import Result
-from .rod import Rod
+from .rods.rod import Rod
 from .system import System
 
 _SLOW_TURNING = 5  # bending frequency over turns a second above which a rod stays straight enough

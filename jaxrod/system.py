@@ -21,7 +21,7 @@ from .lagrangian import Lagrangian
 from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
 from .prescribed import Prescribed
 from .projection import Projection
-from .rod import Lumped, Rod
+from .rods.rod import Lumped, Rod
 from .signal import signals
 from .splitting import AbstractSplit
 from .starting import started

@@ -22,7 +22,7 @@ from .load_basis import LoadRitz
 from .motion import State
 from .quantity import as_quantity
 from .reference import exact_answer
-from .rod import Lumped
+from .rods.rod import Lumped
 from .simulation import simulate
 from .system import System
 

@@ -11,7 +11,7 @@ import pytest
 
 import jaxrod
 from jaxrod import continuum
-from jaxrod.resolution import Resolution
+from jaxrod.rods.resolution import Resolution
 
 STEEL = {"young": 2e11, "density": 7800.0}
 
@@ -132,7 +132,7 @@ def test_others_are_not_looked_at(monkeypatch):
     def never(*_):
         raise AssertionError
 
-    monkeypatch.setattr("jaxrod.looking.resolve", never)
+    monkeypatch.setattr("jaxrod.rods.looking.resolve", never)
     table = jaxrod.Table([0.0, 0.4, 1.0], radii=[0.02, 0.03, 0.01])
     for section in (jaxrod.Uniform(0.02), jaxrod.Cone(0.02, 0.03), table, jaxrod.Steps([0.4], [2e-3, 1e-3])):
         body = rod(section, young=jaxrod.Steps([0.7], [2e11, 7e10]))

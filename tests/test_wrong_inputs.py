@@ -19,7 +19,7 @@ import optax
 import pytest
 
 import jaxrod
-from jaxrod.section import AbstractSection
+from jaxrod.rods.section import AbstractSection
 
 REMEDY = re.compile(
     r"\b(give|take|leave|call|make|map|must|ask|start|move|drop|raise|plan|measure|pass|sort|settle|compare)\b"

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float
 
 from ..core import validation
 from ..mesh import Mesh, mesh, panel_ends, safe_sqrt
-from ..rod import Lumped, Rod
+from ..rods.rod import Lumped, Rod
 
 
 def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:

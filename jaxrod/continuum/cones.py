@@ -11,8 +11,8 @@ from jaxtyping import Array, Float
 
 from ..core import validation
 from ..core.quadrature import Panels
-from ..rod import Rod
-from ..section import Cone, Profile, Uniform
+from ..rods.rod import Rod
+from ..rods.section import Cone, Profile, Uniform
 from .compliance import support
 
 

@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from ..core import validation, precision
 from ..core.linear_algebra import inverse_root, singular_values
-from ..rod import Rod
+from ..rods.rod import Rod
 from ..stiffening import warn_of_forces
 from .compliance import Axial, axial, linear_support, order_for, support
 

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 from ..core.linear_algebra import svd
 from ..mesh import panel_ends, safe_sqrt
 from ..core.quadrature import Panels
-from ..rod import Rod
+from ..rods.rod import Rod
 from .compliance import axial
 
 

@@ -12,7 +12,7 @@ W' is the nominal (first Piola-Kirchhoff) stress over E.  A law of your own is t
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .core import validation
+from ..core import validation
 
 Strains = Float[Array, "*points"]
 

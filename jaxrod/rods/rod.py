@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .core import calling, validation
+from ..core import calling, validation
 from . import plausibility
 from .law import hooke
 from .looking import check_positive, look_along, stands
-from .core.tracing import deciding
-from .core.quadrature import Panels
+from ..core.tracing import deciding
+from ..core.quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
 
