@@ -12,11 +12,11 @@ from .core import calling, validation, precision, units
 from . import configuration
 from .chart import AbstractChart
 from .lagrangian import Lagrangian
-from .motion import Driven, State, check_start
+from .motions.motion import Driven, State, check_start
 from .multistep import AbstractMultistep
 from .rods.rod import Rod
 from .stepping import LEAST_TOLERANCE
-from .stops import known_knots, since
+from .motions.stops import known_knots, since
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .system import check_system as check_is_system

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from . import energy
 from .equations import Scene
 from .core.scalarize import Numbers, by_number, gathered, scattered
-from .motion import Placement, State
+from .motions.motion import Placement, State
 from .oscillating import AbstractOscillating, AxialModes, back
 from .splitting import Center, Split, held, watched, with_center
 

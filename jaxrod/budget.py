@@ -24,7 +24,7 @@ from jaxtyping import Array, Bool, Float
 from .core import calling, validation
 from .ladder import on_rung, richer
 from .limits import ModelLimits, model_limits
-from .motion import State
+from .motions.motion import State
 from .quantity import AbstractQuantity
 from .core.result import Result
 from .rods.rod import Rod

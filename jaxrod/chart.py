@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from . import energy
 from .lagrangian import Phase
-from .motion import AbstractMotion, Driven, Flight, Placement, State, heading
+from .motions.motion import AbstractMotion, Driven, Flight, Placement, State, heading
 from .projection import Projection
 
 

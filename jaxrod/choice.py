@@ -10,7 +10,7 @@ from .basis import AbstractBasis, QuasiStatic
 from .core.validation import in_type
 from .equations import eigenvalues
 from .ladder import brought
-from .motion import State
+from .motions.motion import State
 from .system import System
 
 

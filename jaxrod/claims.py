@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from . import continuum, modal, paper, plot
 from .basis import Ritz
-from .motion import Flight, Rotation, State
+from .motions.motion import Flight, Rotation, State
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone
 from .simulation import simulate

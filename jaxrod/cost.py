@@ -10,7 +10,7 @@ import numpy as np
 
 from .core import validation
 from .basis import QuasiStatic
-from .motion import Driven
+from .motions.motion import Driven
 from .multistep import AbstractMultistep
 from .symplectic import AbstractSymplectic
 from .system import System

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from .core import validation
 from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .lagrangian import Lagrangian
-from .motion import Driven
+from .motions.motion import Driven
 from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
 from .system import System, check_system

@@ -11,11 +11,11 @@ from jaxtyping import Array, Float
 
 from . import energy
 from .chart import AbstractChart
-from .force import AbstractForce
+from .motions.force import AbstractForce
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 from .core.scalarize import depends_on_first
 from .core.linear_algebra import eigvalsh
-from .motion import AbstractMotion, Placement, State
+from .motions.motion import AbstractMotion, Placement, State
 from .projection import Projection
 
 

@@ -11,8 +11,8 @@ import numpy as np
 
 from .core import calling, validation
 from .basis import AbstractBasis, QuasiStatic, Ritz
-from .force import AbstractForce, KelvinVoigt
-from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
+from .motions.force import AbstractForce, KelvinVoigt
+from .motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
 from .projection import Projection
 from .rods.rod import Lumped, Rod
 

@@ -10,7 +10,7 @@ from . import energy
 from .chart import Embedded
 from .equations import Moving, Scene
 from .core.scalarize import Numbers, by_number, gathered, scattered
-from .motion import State
+from .motions.motion import State
 from .splitting import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
 
 

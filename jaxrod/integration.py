@@ -17,14 +17,14 @@ from .defaults import default_chart
 from .equations import Condensed, Moving, critical_square, eigenvalues
 from .lagrangian import Lagrangian, Phase
 from .core.linear_algebra import mappable
-from .motion import Driven, Flight, State
-from .preview import preview
+from .motions.motion import Driven, Flight, State
+from .motions.preview import preview
 from .projection import Projection
 from .core.result import Result
 from .reversal import ONCE, forward_refused, reversible
 from .rods.rod import Rod
 from .solution import Solution
-from .stops import Stops, since
+from .motions.stops import Stops, since
 from .symplectic import AbstractSymplectic, SplitTerm
 from .system import System
 from .tracking import Tracked, Tracking

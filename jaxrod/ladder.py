@@ -11,10 +11,10 @@ from . import continuum
 from .basis import AbstractBasis, ForceRitz, QuasiStatic
 from .chart import Director, Strains
 from .equations import Condensed
-from .force import KelvinVoigt, PivotFriction, ShakenBase, Torque
+from .motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
 from .lagrangian import solve_positive
 from .load_basis import LoadRitz
-from .motion import Driven, State
+from .motions.motion import Driven, State
 from .rods.rod import Lumped, Rod
 from .system import System, check_state, check_system
 

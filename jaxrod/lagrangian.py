@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .core import calling, validation
-from .signal import on_clock
+from .motions.signal import on_clock
 
 _UNROLLED = 6
 

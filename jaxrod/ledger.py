@@ -7,7 +7,7 @@ from jaxtyping import Array, Float
 
 from . import energy
 from .basis import QuasiStatic
-from .motion import Driven, Flight, State
+from .motions.motion import Driven, Flight, State
 from .system import System
 
 

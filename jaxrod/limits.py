@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from . import continuum
 from .core.linear_algebra import singular_values, svd
 from .mesh import mesh, safe_sqrt
-from .motion import Driven
+from .motions.motion import Driven
 from .rods.rod import Rod
 
 _NU = 0.5  # Poisson's ratio at its greatest, of rubber: the most that lateral inertia can do

@@ -12,7 +12,7 @@ from jaxtyping import Array, Complex, Float
 from .core import validation, precision, eigen
 from . import continuum, statics
 from .chart import Local
-from .motion import State
+from .motions.motion import State
 from .projection import Projection
 from .rods.rod import Rod
 from .stiffening import warn_of_forces

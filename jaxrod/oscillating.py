@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from .core import validation
 from .core.scalarize import Numbers
-from .motion import State
+from .motions.motion import State
 from .projection import Projection
 from .core.eigen import eigh
 from .splitting import AbstractSplit, Split, Stage, least, lowest, per_inertia

@@ -12,7 +12,7 @@ import numpy as np
 
 from .basis import Ritz
 from .limits import model_limits
-from .motion import Rotation
+from .motions.motion import Rotation
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone
 from .simulation import simulate

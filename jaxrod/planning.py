@@ -28,7 +28,7 @@ from .choice import Plan, axial_rate, named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer
 from .load_basis import LoadRitz
-from .motion import Driven, Flight, State
+from .motions.motion import Driven, Flight, State
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
 from .rods.rod import Lumped

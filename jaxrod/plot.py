@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator
 from .core import validation
 from .choice import named
 from .load_basis import LoadRitz
-from .motion import State
+from .motions.motion import State
 from .solution import Solution
 from .tradeoff import RUNGS, Tradeoff
 

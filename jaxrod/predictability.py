@@ -10,7 +10,7 @@ from . import arguments, statics
 from .core import validation
 from .chart import Local
 from .core.linear_algebra import singular_values
-from .motion import Driven, State
+from .motions.motion import Driven, State
 from .core.result import Result
 from .simulation import simulate
 from .system import System

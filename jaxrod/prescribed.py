@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from .chart import Strains
 from .equations import Moving, Scene
 from .core.scalarize import by_number, gathered, scattered
-from .motion import State
+from .motions.motion import State
 from .oscillating import AbstractOscillating, AxialModes, back
 from .splitting import LONGEST_TURN, Split, watched
 

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from . import continuum
-from .motion import State
+from .motions.motion import State
 from .quantity import AbstractQuantity, Measured
 from .rods.rod import Rod
 from .system import System

@@ -7,8 +7,8 @@ from jax.tree_util import Partial
 
 from .core import validation
 from .basis import Ritz
-from .force import TipForce
-from .motion import Driven, Rotation, Spherical, State
+from .motions.force import TipForce
+from .motions.motion import Driven, Rotation, Spherical, State
 from .paper import corrected
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
 from .rods.rod import Rod

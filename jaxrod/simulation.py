@@ -31,7 +31,7 @@ from .defaults import best_solver, by_equal_steps, default_chart
 from .integration import by_the_clock, integrate
 from .lagrangian import Lagrangian, Phase
 from .ledger import is_closed
-from .motion import State, check_start
+from .motions.motion import State, check_start
 from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .core.result import Result, SimulationError

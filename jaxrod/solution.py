@@ -15,7 +15,7 @@ from .chart import Director, Strains
 from .lagrangian import Lagrangian
 from .ledger import Ledger, account
 from .limits import model_limits
-from .motion import Driven, State
+from .motions.motion import Driven, State
 from .core.result import Result
 from .rods.rod import Rod
 from .system import System

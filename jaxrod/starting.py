@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .core import validation
-from .motion import Driven, Flight, State, heading
+from .motions.motion import Driven, Flight, State, heading
 
 _MANY_RADIANS = 30.0, 1080.0  # between which a multiple of 15 is taken for degrees
 

@@ -13,7 +13,7 @@ from .core import validation
 from .basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
 from .core.linear_algebra import one_by_one, pinv
-from .motion import Driven, Flight, State
+from .motions.motion import Driven, Flight, State
 from .system import System, check_system
 
 

@@ -16,13 +16,13 @@ from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
 from .fitting import check_parts
 from .flat import Flat
-from .force import AbstractForce
+from .motions.force import AbstractForce
 from .lagrangian import Lagrangian
-from .motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
+from .motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
 from .prescribed import Prescribed
 from .projection import Projection
 from .rods.rod import Lumped, Rod
-from .signal import signals
+from .motions.signal import signals
 from .splitting import AbstractSplit
 from .starting import started
 

@@ -19,7 +19,7 @@ from .choice import named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer, rung
 from .load_basis import LoadRitz
-from .motion import State
+from .motions.motion import State
 from .quantity import as_quantity
 from .reference import exact_answer
 from .rods.rod import Lumped

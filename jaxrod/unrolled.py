@@ -10,7 +10,7 @@ from .core import validation
 from .chart import Director, Embedded, Strains
 from .equations import Condensed, Moving, eigenvalues
 from .core.scalarize import by_number, gathered, scattered
-from .motion import Driven
+from .motions.motion import Driven
 from .splitting import AbstractStepped, Split, least, lowest, watched
 from .system import System
 

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motion import Driven, State, heading
+from ..motions.motion import Driven, State, heading
 from .waves import Waves
 
 

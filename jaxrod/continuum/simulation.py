@@ -17,12 +17,12 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import calling, validation, precision, units
-from ..force import TipForce
-from ..motion import Driven, State, check_start
-from ..preview import preview
+from ..motions.force import TipForce
+from ..motions.motion import Driven, State, check_start
+from ..motions.preview import preview
 from ..core.result import Result
 from ..reversal import forward_refused, reversible
-from ..stops import Stops, known_knots
+from ..motions.stops import Stops, known_knots
 from .compliance import order_for, support
 from .dynamics import Dynamics
 from .solution import ContinuumSolution, Errors

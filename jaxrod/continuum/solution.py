@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import validation
-from ..motion import State
+from ..motions.motion import State
 from .waves import Waves
 
 

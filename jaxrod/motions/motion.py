@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .core import calling, validation, units
+from ..core import calling, validation, units
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 

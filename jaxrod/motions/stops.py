@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .core import validation
+from ..core import validation
 from .preview import Preview
-from .system import System
+from ..system import System
 
 _BESIDE = 1e-11  # of a run's length, below which a knot counts as a save time
 

@@ -17,8 +17,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from .core import validation, units
-from .core.scalarize import Undivided
+from ..core import validation, units
+from ..core.scalarize import Undivided
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
 _ROUGH = 20.0  # times as rough as another, a stencil is left for it: it lies across a jump
