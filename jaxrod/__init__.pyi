@@ -6,9 +6,9 @@ from .rods import law as law
 from . import paper as paper
 from . import plot as plot
 from . import scenes as scenes
-from .basis import ForceRitz as ForceRitz
-from .basis import QuasiStatic as QuasiStatic
-from .basis import Ritz as Ritz
+from .shapes.basis import ForceRitz as ForceRitz
+from .shapes.basis import QuasiStatic as QuasiStatic
+from .shapes.basis import Ritz as Ritz
 from .budget import Budget as Budget
 from .chart import Angles as Angles
 from .chart import Director as Director
@@ -33,7 +33,7 @@ from .lagrangian import Lagrangian as Lagrangian
 from .ledger import Ledger as Ledger
 from .limits import ModelLimits as ModelLimits
 from .limits import model_limits as model_limits
-from .load_basis import LoadRitz as LoadRitz
+from .shapes.load_basis import LoadRitz as LoadRitz
 from .modal import Modes as Modes
 from .modal import critical_rate as critical_rate
 from .modal import frequency_error as frequency_error

@@ -15,7 +15,7 @@ from jaxtyping import Array, Float
 from . import energy
 from .lagrangian import Phase
 from .motions.motion import AbstractMotion, Driven, Flight, Placement, State, heading
-from .projection import Projection
+from .shapes.projection import Projection
 
 
 class AbstractChart(eqx.Module):

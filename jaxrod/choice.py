@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .basis import AbstractBasis, QuasiStatic
+from .shapes.basis import AbstractBasis, QuasiStatic
 from .core.validation import in_type
 from .equations import eigenvalues
 from .ladder import brought

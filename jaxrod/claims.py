@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import continuum, modal, paper, plot
-from .basis import Ritz
+from .shapes.basis import Ritz
 from .motions.motion import Flight, Rotation, State
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .core import validation
-from .basis import QuasiStatic
+from .shapes.basis import QuasiStatic
 from .motions.motion import Driven
 from .multistep import AbstractMultistep
 from .symplectic import AbstractSymplectic

@@ -16,7 +16,7 @@ from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 from .core.scalarize import depends_on_first
 from .core.linear_algebra import eigvalsh
 from .motions.motion import AbstractMotion, Placement, State
-from .projection import Projection
+from .shapes.projection import Projection
 
 
 class Scene(eqx.Module):

@@ -11,7 +11,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from . import continuum
-from .basis import QuasiStatic
+from .shapes.basis import QuasiStatic
 from .chart import AbstractChart
 from .defaults import default_chart
 from .equations import Condensed, Moving, critical_square, eigenvalues
@@ -19,7 +19,7 @@ from .lagrangian import Lagrangian, Phase
 from .core.linear_algebra import mappable
 from .motions.motion import Driven, Flight, State
 from .motions.preview import preview
-from .projection import Projection
+from .shapes.projection import Projection
 from .core.result import Result
 from .reversal import ONCE, forward_refused, reversible
 from .rods.rod import Rod

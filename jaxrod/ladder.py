@@ -8,12 +8,12 @@ import jax.numpy as jnp
 
 from .core import validation
 from . import continuum
-from .basis import AbstractBasis, ForceRitz, QuasiStatic
+from .shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
 from .chart import Director, Strains
 from .equations import Condensed
 from .motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
 from .lagrangian import solve_positive
-from .load_basis import LoadRitz
+from .shapes.load_basis import LoadRitz
 from .motions.motion import Driven, State
 from .rods.rod import Lumped, Rod
 from .system import System, check_state, check_system

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from . import energy
-from .basis import QuasiStatic
+from .shapes.basis import QuasiStatic
 from .motions.motion import Driven, Flight, State
 from .system import System
 

@@ -13,9 +13,9 @@ from .core import validation, precision, eigen
 from . import continuum, statics
 from .chart import Local
 from .motions.motion import State
-from .projection import Projection
+from .shapes.projection import Projection
 from .rods.rod import Rod
-from .stiffening import warn_of_forces
+from .shapes.stiffening import warn_of_forces
 from .system import System, check_state, check_system
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .core import validation
 from .core.scalarize import Numbers
 from .motions.motion import State
-from .projection import Projection
+from .shapes.projection import Projection
 from .core.eigen import eigh
 from .splitting import AbstractSplit, Split, Stage, least, lowest, per_inertia
 

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .basis import Ritz
+from .shapes.basis import Ritz
 from .limits import model_limits
 from .motions.motion import Rotation
 from .rods.rod import Lumped, Rod

@@ -21,13 +21,13 @@ import numpy as np
 
 from . import arguments, continuum, cost
 from .core import validation
-from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from .shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .budget import NUDGE, nudged, parted
 from .core.validation import in_type
 from .choice import Plan, axial_rate, named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer
-from .load_basis import LoadRitz
+from .shapes.load_basis import LoadRitz
 from .motions.motion import Driven, Flight, State
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer

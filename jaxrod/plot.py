@@ -10,7 +10,7 @@ from matplotlib.ticker import LogLocator
 
 from .core import validation
 from .choice import named
-from .load_basis import LoadRitz
+from .shapes.load_basis import LoadRitz
 from .motions.motion import State
 from .solution import Solution
 from .tradeoff import RUNGS, Tradeoff

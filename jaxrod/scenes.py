@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jax.tree_util import Partial
 
 from .core import validation
-from .basis import Ritz
+from .shapes.basis import Ritz
 from .motions.force import TipForce
 from .motions.motion import Driven, Rotation, Spherical, State
 from .paper import corrected

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 from .equations import Scene
 from .core.scalarize import Numbers, by_number
 from .motions.motion import Flight, Rotation, State
-from .projection import Projection
+from .shapes.projection import Projection
 
 LONGEST_TURN = math.pi / 4  # rad in a step: beyond it the rod is not seen to turn
 

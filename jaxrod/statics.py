@@ -10,7 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from .core import validation
-from .basis import QuasiStatic
+from .shapes.basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
 from .core.linear_algebra import one_by_one, pinv
 from .motions.motion import Driven, Flight, State

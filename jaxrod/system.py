@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from .core import validation, units
 from . import energy
 from .axial import Axial
-from .basis import AbstractBasis, QuasiStatic, Ritz
+from .shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
 from .fitting import check_parts
@@ -20,7 +20,7 @@ from .motions.force import AbstractForce
 from .lagrangian import Lagrangian
 from .motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
 from .prescribed import Prescribed
-from .projection import Projection
+from .shapes.projection import Projection
 from .rods.rod import Lumped, Rod
 from .motions.signal import signals
 from .splitting import AbstractSplit

@@ -13,12 +13,12 @@ from tqdm import tqdm
 
 from . import arguments
 from .core import validation
-from .basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from .shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .core.validation import in_type
 from .choice import named
 from .defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer, rung
-from .load_basis import LoadRitz
+from .shapes.load_basis import LoadRitz
 from .motions.motion import State
 from .quantity import as_quantity
 from .reference import exact_answer

@@ -13,7 +13,7 @@ from jaxtyping import Array, Float
 from ..core import validation, precision
 from ..core.linear_algebra import inverse_root, singular_values
 from ..rods.rod import Rod
-from ..stiffening import warn_of_forces
+from ..shapes.stiffening import warn_of_forces
 from .compliance import Axial, axial, linear_support, order_for, support
 
 _MOST = 2000  # frequencies of a rod: they take half a minute, and four times as long for each doubling

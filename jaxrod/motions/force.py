@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import calling, validation, units
 from ..core.scalarize import depends_on_first
 from .motion import AbstractMotion, AbstractPivoted, Placement, State
-from ..projection import Projection
+from ..shapes.projection import Projection
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 _BESIDE = 0.1  # of every number of a state: one that is at rest nowhere

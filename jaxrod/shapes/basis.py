@@ -16,10 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .core import validation
+from ..core import validation
 from .projection import Projection, inverse_root, lumped
-from .core.quadrature import Panels, legendre, local
-from .rods.rod import Lumped, Rod
+from ..core.quadrature import Panels, legendre, local
+from ..rods.rod import Lumped, Rod
 
 
 class AbstractBasis(eqx.Module):

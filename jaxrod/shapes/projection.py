@@ -6,8 +6,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .core import linear_algebra
-from .rods.rod import Lumped
+from ..core import linear_algebra
+from ..rods.rod import Lumped
 
 
 class Projection(eqx.Module):

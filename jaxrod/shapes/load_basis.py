@@ -5,8 +5,8 @@ import jax.numpy as jnp
 from jaxtyping import Float
 
 from .basis import AbstractShapes, lumped_mass, orthonormal, until
-from .core.quadrature import Panels
-from .rods.rod import Rod
+from ..core.quadrature import Panels
+from ..rods.rod import Rod
 
 _NOTHING = 1e8  # energies of a shape, after over before it was made orthogonal, in squares of rounding
 
