@@ -70,10 +70,10 @@ from .simulation import Reversible as Reversible
 from .simulation import simulate as simulate
 from .solution import Solution as Solution
 from .statics import equilibrium as equilibrium
-from .symplectic import ABA864 as ABA864
-from .symplectic import BlanesMoan4 as BlanesMoan4
-from .symplectic import BlanesMoan6 as BlanesMoan6
-from .symplectic import StormerVerlet as StormerVerlet
+from .integrators.symplectic import ABA864 as ABA864
+from .integrators.symplectic import BlanesMoan4 as BlanesMoan4
+from .integrators.symplectic import BlanesMoan6 as BlanesMoan6
+from .integrators.symplectic import StormerVerlet as StormerVerlet
 from .system import System as System
 from .tradeoff import Tradeoff as Tradeoff
 from .tradeoff import tradeoff as tradeoff

@@ -17,7 +17,7 @@ from .multistep import AbstractMultistep
 from .rods.rod import Rod
 from .stepping import LEAST_TOLERANCE
 from .motions.stops import known_knots, since
-from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6
+from .integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from .system import System
 from .system import check_system as check_is_system
 

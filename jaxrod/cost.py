@@ -12,7 +12,7 @@ from .core import validation
 from .shapes.basis import QuasiStatic
 from .motions.motion import Driven
 from .multistep import AbstractMultistep
-from .symplectic import AbstractSymplectic
+from .integrators.symplectic import AbstractSymplectic
 from .system import System
 
 

@@ -10,7 +10,7 @@ from .chart import AbstractChart, Angles, Director, Embedded, Strains
 from .lagrangian import Lagrangian
 from .motions.motion import Driven
 from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
-from .symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
+from .integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
 from .system import System, check_system
 
 

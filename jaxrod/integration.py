@@ -21,13 +21,13 @@ from .motions.motion import Driven, Flight, State
 from .motions.preview import preview
 from .shapes.projection import Projection
 from .core.result import Result
-from .reversal import ONCE, forward_refused, reversible
+from .integrators.reversal import ONCE, forward_refused, reversible
 from .rods.rod import Rod
 from .solution import Solution
 from .motions.stops import Stops, since
-from .symplectic import AbstractSymplectic, SplitTerm
+from .integrators.symplectic import AbstractSymplectic, SplitTerm
 from .system import System
-from .tracking import Tracked, Tracking
+from .integrators.compensation import Tracked, Tracking
 
 _COLLAPSED = -1 + 1e-6
 _DIVERGED = 1e6

@@ -21,7 +21,7 @@ import numpy as np
 from .flat import Flat
 from .core.scalarize import Numbers
 from .splitting import AbstractStepped, Split
-from .symplectic import BlanesMoan6
+from .integrators.symplectic import BlanesMoan6
 
 _STARTER, _SUBSTEPS = BlanesMoan6(), 2  # in a step back
 

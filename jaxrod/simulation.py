@@ -35,11 +35,11 @@ from .motions.motion import State, check_start
 from .multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .core.result import Result, SimulationError
-from .reversal import reversible
+from .integrators.reversal import reversible
 from .rods.rod import Rod
 from .solution import Solution
 from .stepping import step_through
-from .symplectic import AbstractSymplectic
+from .integrators.symplectic import AbstractSymplectic
 from .system import System
 from .unrolled import Unrolled
 

@@ -14,16 +14,16 @@ from .equations import eigenvalues
 from .flat import Flat
 from .ledger import energy_change, is_closed, over, with_start
 from .core.linear_algebra import eigvalsh
-from .march import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
+from .integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
 from .motions.motion import Driven, Flight, State
 from .multistep import AbstractMultistep, Remembered
 from .motions.preview import INSTANTS, Preview, preview
 from .core.result import Result
-from .reversal import forward_refused
+from .integrators.reversal import forward_refused
 from .solution import Solution
 from .splitting import AbstractStepped
 from .motions.stops import Stops
-from .symplectic import ABA864, AbstractSymplectic
+from .integrators.symplectic import ABA864, AbstractSymplectic
 from .system import System
 from .unrolled import Unrolled, Whole
 

@@ -14,7 +14,7 @@ from jaxrod.flat import Flat
 from jaxrod.core.scalarize import gathered, scattered
 from jaxrod.prescribed import Prescribed
 from jaxrod.splitting import Split
-from jaxrod.symplectic import single_step
+from jaxrod.integrators.symplectic import single_step
 
 SPACE = {"azimuth": 0.4, "azimuth_rate": 3.0}
 LOADS = (

@@ -10,7 +10,7 @@ import pytest
 
 import jaxrod
 from jaxrod import Result
-from jaxrod.symplectic import AbstractSymplectic, SplitTerm, single_step
+from jaxrod.integrators.symplectic import AbstractSymplectic, SplitTerm, single_step
 
 SOLVERS = [jaxrod.StormerVerlet(), jaxrod.BlanesMoan4(), jaxrod.BlanesMoan6(), jaxrod.ABA864()]
 GENERAL = [solver for solver in SOLVERS if not solver.needs_nystrom]

@@ -21,7 +21,7 @@ from ..motions.force import TipForce
 from ..motions.motion import Driven, State, check_start
 from ..motions.preview import preview
 from ..core.result import Result
-from ..reversal import forward_refused, reversible
+from ..integrators.reversal import forward_refused, reversible
 from ..motions.stops import Stops, known_knots
 from .compliance import order_for, support
 from .dynamics import Dynamics
