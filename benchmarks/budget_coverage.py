@@ -34,7 +34,7 @@ import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
 
-from jaxrod.continuum import cones  # noqa: E402
+from jaxrod.continuum import closed_forms  # noqa: E402
 
 NAMES = ("first frequency", "largest strain", "angle", "tip, across", "tip, up")
 RUNGS = {
@@ -96,7 +96,7 @@ def exact(system, start, ts, modes: int):
 
 def frequency(system) -> jax.Array:
     """The first of the exact cone in Hz, in closed form."""
-    form = cones.free_free if isinstance(system.motion, jaxrod.Flight) else cones.held_free
+    form = closed_forms.free_free if isinstance(system.motion, jaxrod.Flight) else closed_forms.held_free
     cone = system.rod.section
     return form(cone.root_radius, cone.tip_radius, 1)[0] * system.rod.wave_speed / (2 * jnp.pi * system.rod.length)
 

@@ -31,8 +31,8 @@ from .identification import Positive as Positive
 from .identification import fit as fit
 from .lagrangian import Lagrangian as Lagrangian
 from .ledger import Ledger as Ledger
-from .limits import ModelLimits as ModelLimits
-from .limits import model_limits as model_limits
+from .continuum.neglected import ModelLimits as ModelLimits
+from .continuum.neglected import model_limits as model_limits
 from .shapes.load_basis import LoadRitz as LoadRitz
 from .modal import Modes as Modes
 from .modal import critical_rate as critical_rate

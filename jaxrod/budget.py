@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from .core import calling, validation
 from .ladder import on_rung, richer
-from .limits import ModelLimits, model_limits
+from .continuum.neglected import ModelLimits, model_limits
 from .motions.motion import State
 from .quantity import AbstractQuantity
 from .core.result import Result

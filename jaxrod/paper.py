@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .shapes.basis import Ritz
-from .limits import model_limits
+from .continuum.neglected import model_limits
 from .motions.motion import Rotation
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone

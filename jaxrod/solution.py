@@ -14,7 +14,7 @@ from . import configuration
 from .chart import Director, Strains
 from .lagrangian import Lagrangian
 from .ledger import Ledger, account
-from .limits import model_limits
+from .continuum.neglected import model_limits
 from .motions.motion import Driven, State
 from .core.result import Result
 from .rods.rod import Rod

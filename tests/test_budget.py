@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.continuum import cones
+from jaxrod.continuum import closed_forms
 from jaxrod.ladder import on_rung
 
 # The exact rod of the paper's Figure 2 from a sudden start (unstretched): 80 exact modes and Richardson's limit of finite
@@ -42,7 +42,7 @@ def test_first_frequency_against_the_exact_one(cone):
 @pytest.mark.slow
 def test_first_frequency_of_cones_in_closed_form():
     """The bound is the error, to the rounding that it allows for: on the rung that is nearest too."""
-    for motion, form in ((jaxrod.Rotation(), cones.held_free), (jaxrod.Flight(), cones.free_free)):
+    for motion, form in ((jaxrod.Rotation(), closed_forms.held_free), (jaxrod.Flight(), closed_forms.free_free)):
         for tip in (0.01, 0.03, 0.06):
             rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), young=1e7, density=1200.0)
             system = jaxrod.System(rod, motion, jaxrod.LoadRitz(3))

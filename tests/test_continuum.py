@@ -15,7 +15,8 @@ import scipy.linalg
 import scipy.special
 
 import jaxrod
-from jaxrod import continuum, limits
+from jaxrod import continuum
+from jaxrod.continuum import neglected
 
 ROOT = jaxrod.Rotation()
 
@@ -436,7 +437,7 @@ def test_refusals():
         lambda s: continuum.natural_frequencies(s, 1),
         lambda s: continuum.steady_spin(s, 1.0),
         lambda s: continuum.spinning_frequencies(s, 1.0, 1),
-        limits.model_limits,
+        neglected.model_limits,
     ):
         with pytest.raises(ValueError, match=r"rod=Lumped.*give a Rod"):
             function(lumped)
@@ -461,13 +462,13 @@ def test_refusals():
 # ---- what the model leaves out
 
 
-_bending = eqx.filter_jit(limits._bending)
+_bending = eqx.filter_jit(neglected._bending)
 
 
 def bending(system, n=2):
     """Roots of the frequencies over sqrt(E I / rho A) / (2 pi l^2) of the uniform rod with radius 0.02."""
     rod, pivot, _ = continuum.support(system)
-    support = limits.model_limits(system).support
+    support = neglected.model_limits(system).support
     return np.sqrt(np.asarray(_bending(rod, pivot, support, n)) * 2 * np.pi / 0.01)
 
 
@@ -492,7 +493,7 @@ def test_bending_of_the_uniform_rod(motion, equation):
     system = scene(jaxrod.Uniform(0.02), motion)
     kappa = bisect(lambda k: equation(k) / np.cosh(k), 4, 1e-2)
     kappa = kappa[kappa > 0.1]
-    np.testing.assert_allclose(kappa[:2], known[limits.model_limits(system).support], atol=5e-5)
+    np.testing.assert_allclose(kappa[:2], known[neglected.model_limits(system).support], atol=5e-5)
     close(bending(system, 2), kappa[:2], 1e-10)
 
 
@@ -544,7 +545,7 @@ def finite_elements(r, R, elements=80):
 
 
 def test_the_paper_s_rod():
-    found = limits.model_limits(cone(0.02, 0.03, young=1e7, density=1200.0))
+    found = neglected.model_limits(cone(0.02, 0.03, young=1e7, density=1200.0))
     np.testing.assert_allclose(found.bending_frequencies, finite_elements(0.02, 0.03), rtol=1e-6)
     close(found.axial_frequency, 120.88186175927335 / (2 * np.pi), 1e-12)
     close(found.slenderness, 80.0, 1e-12)
@@ -558,7 +559,7 @@ def test_lateral_inertia_of_the_uniform_rod():
     """nu^2 kappa^2 r^2 / (4 l^2) to first order, for any support."""
     for motion, kappa in ((ROOT, np.pi / 2), (jaxrod.Flight(), np.pi), (jaxrod.Rotation(0.5), np.pi)):
         small = 0.5**2 * kappa**2 * 0.01**2 / 4
-        found = limits.model_limits(scene(jaxrod.Uniform(0.01), motion)).lateral_inertia
+        found = neglected.model_limits(scene(jaxrod.Uniform(0.01), motion)).lateral_inertia
         close(found, 1 - 1 / np.sqrt(1 + 2 * small), 1e-10)
         close(found, small, 1e-3)
 
@@ -576,7 +577,7 @@ class Flat(jaxrod.section.AbstractSection):
 
 
 def test_a_section_with_its_own_second_moment():
-    found = limits.model_limits(scene(Flat()))
+    found = neglected.model_limits(scene(Flat()))
     gyration = 0.002 / np.sqrt(12)
     close(found.bending_frequencies[0], 3.926602312047919**2 * gyration / (2 * np.pi), 1e-10)
     close(found.slenderness, 1 / gyration, 1e-12)

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import validation
-from ..mesh import Mesh, mesh, panel_ends, safe_sqrt
+from .mesh import Mesh, mesh, panel_ends, safe_sqrt
 from ..rods.rod import Lumped, Rod
 
 

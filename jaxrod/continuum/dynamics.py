@@ -19,7 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..motions.motion import Driven, State, heading
-from .waves import Waves
+from .modes import Waves
 
 
 class Phase(NamedTuple):

@@ -26,7 +26,7 @@ from ..motions.stops import Stops, known_knots
 from .compliance import order_for, support
 from .dynamics import Dynamics
 from .solution import ContinuumSolution, Errors
-from .waves import Waves, waves
+from .modes import Waves, waves
 
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000

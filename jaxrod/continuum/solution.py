@@ -10,7 +10,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import validation
 from ..motions.motion import State
-from .waves import Waves
+from .modes import Waves
 
 
 class Errors(NamedTuple):

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .core import validation
-from .core.quadrature import gauss
-from .rods.rod import Rod
+from ..core import validation
+from ..core.quadrature import gauss
+from ..rods.rod import Rod
 
 
 class Mesh(NamedTuple):

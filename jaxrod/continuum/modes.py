@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core.linear_algebra import svd
-from ..mesh import panel_ends, safe_sqrt
+from .mesh import panel_ends, safe_sqrt
 from ..core.quadrature import Panels
 from ..rods.rod import Rod
 from .compliance import axial
