@@ -10,16 +10,16 @@ from jaxtyping import Array, Float
 
 from .core import calling, validation, precision, units
 from . import configuration
-from .chart import AbstractChart
-from .lagrangian import Lagrangian
+from .mechanics.chart import AbstractChart
+from .mechanics.lagrangian import Lagrangian
 from .motions.motion import Driven, State, check_start
 from .multistep import AbstractMultistep
 from .rods.rod import Rod
 from .stepping import LEAST_TOLERANCE
 from .motions.stops import known_knots, since
 from .integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
-from .system import System
-from .system import check_system as check_is_system
+from .mechanics.system import System
+from .mechanics.system import check_system as check_is_system
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 

@@ -6,8 +6,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from . import energy
-from .equations import Scene
+from .mechanics import energy
+from .mechanics.equations import Scene
 from .core.scalarize import Numbers, by_number, gathered, scattered
 from .motions.motion import Placement, State
 from .oscillating import AbstractOscillating, AxialModes, back

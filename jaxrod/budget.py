@@ -30,7 +30,7 @@ from .core.result import Result
 from .rods.rod import Rod
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE
-from .system import System
+from .mechanics.system import System
 
 _FLOOR = 1e-12  # no bound is below it
 _LOST = 0.25  # of the range: beyond it the phase is lost

@@ -8,10 +8,10 @@ import jax.numpy as jnp
 
 from .shapes.basis import AbstractBasis, QuasiStatic
 from .core.validation import in_type
-from .equations import eigenvalues
+from .mechanics.equations import eigenvalues
 from .ladder import brought
 from .motions.motion import State
-from .system import System
+from .mechanics.system import System
 
 
 class Plan(eqx.Module):

@@ -10,14 +10,15 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import continuum, modal, paper, plot
+from . import continuum, paper, plot
+from .mechanics import vibration
 from .shapes.basis import Ritz
 from .motions.motion import Flight, Rotation, State
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone
 from .simulation import simulate
 from .solution import Solution
-from .system import System
+from .mechanics.system import System
 
 _INNER = slice(paper.SAMPLES // 10, -paper.SAMPLES // 10)  # where bands do not ring from the ends
 _SPLIT = 12.0  # Hz, between the turns (2.3 Hz and its harmonics) and the strain oscillation (23 Hz)
@@ -127,7 +128,7 @@ def _oscillation(runs) -> Claim:
     for name, sol in runs.items():
         _, fast = split_bands(sol.ts, sol.strain)
         measured = 2 * math.pi * frequency(sol.ts, fast)
-        at_rest = 2 * math.pi * float(modal.natural_frequencies(sol.system)[0])
+        at_rest = 2 * math.pi * float(vibration.natural_frequencies(sol.system)[0])
         spun = math.sqrt(at_rest**2 + 3 * float(np.mean(np.asarray(sol.rate) ** 2)))
         parts.append(f"{name}: {measured:.2f} rad/s; √(ω_ε² + 3⟨ω²⟩) = {spun:.2f}, ω_ε = {at_rest:.2f}")
     return Claim("The strain oscillates.", "; ".join(parts), "holds; free spin raises the frequency above ω_ε")
@@ -207,13 +208,13 @@ def _weightless() -> dict[str, System]:
 
 def _frequency_error(runs) -> list[Claim]:
     uniform, cone = _weightless().values()
-    by_strain = float(modal.frequency_error(cone)[0])
+    by_strain = float(vibration.frequency_error(cone)[0])
     exact = float(continuum.natural_frequencies(cone, 1)[0])
-    by_force = 100 * (float(modal.natural_frequencies(runs["as printed"].system)[0]) / exact - 1)
+    by_force = 100 * (float(vibration.natural_frequencies(runs["as printed"].system)[0]) / exact - 1)
     return [
         Claim(
             "The model's frequency is √(12/π²) ≅ 1.1 times the exact one.",
-            f"uniform rod: {math.sqrt(12) / math.pi:.4f}, {float(modal.frequency_error(uniform)[0]):.2f} % too high",
+            f"uniform rod: {math.sqrt(12) / math.pi:.4f}, {float(vibration.frequency_error(uniform)[0]):.2f} % too high",
             "holds for the uniform rod",
         ),
         Claim(
@@ -249,7 +250,7 @@ def _release_picture(tips) -> Claim:
 def _slow_loads() -> Claim:
     parts = []
     for name, system in _weightless().items():
-        square = (2 * math.pi * float(modal.natural_frequencies(system)[0])) ** 2
+        square = (2 * math.pi * float(vibration.natural_frequencies(system)[0])) ** 2
         model = paper.SPIN**2 / (square - paper.SPIN**2)
         exact = float(continuum.steady_spin(system, jnp.asarray(paper.SPIN))) / paper.LENGTH
         parts.append(f"{name}: {100 * (model / exact - 1):+.1f} %")

@@ -13,7 +13,7 @@ from .shapes.basis import QuasiStatic
 from .motions.motion import Driven
 from .multistep import AbstractMultistep
 from .integrators.symplectic import AbstractSymplectic
-from .system import System
+from .mechanics.system import System
 
 
 @functools.cache

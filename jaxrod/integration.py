@@ -12,10 +12,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from . import continuum
 from .shapes.basis import QuasiStatic
-from .chart import AbstractChart
+from .mechanics.chart import AbstractChart
 from .defaults import default_chart
-from .equations import Condensed, Moving, critical_square, eigenvalues
-from .lagrangian import Lagrangian, Phase
+from .mechanics.equations import Condensed, Moving, critical_square, eigenvalues
+from .mechanics.lagrangian import Lagrangian, Phase
 from .core.linear_algebra import mappable
 from .motions.motion import Driven, Flight, State
 from .motions.preview import preview
@@ -26,7 +26,7 @@ from .rods.rod import Rod
 from .solution import Solution
 from .motions.stops import Stops, since
 from .integrators.symplectic import AbstractSymplectic, SplitTerm
-from .system import System
+from .mechanics.system import System
 from .integrators.compensation import Tracked, Tracking
 
 _COLLAPSED = -1 + 1e-6

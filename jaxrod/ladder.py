@@ -9,14 +9,14 @@ import jax.numpy as jnp
 from .core import validation
 from . import continuum
 from .shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
-from .chart import Director, Strains
-from .equations import Condensed
+from .mechanics.chart import Director, Strains
+from .mechanics.equations import Condensed
 from .motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
-from .lagrangian import solve_positive
+from .mechanics.lagrangian import solve_positive
 from .shapes.load_basis import LoadRitz
 from .motions.motion import Driven, State
 from .rods.rod import Lumped, Rod
-from .system import System, check_state, check_system
+from .mechanics.system import System, check_state, check_system
 
 _ORDER = 24  # nodes for each panel
 

@@ -35,7 +35,7 @@ from .rods.rod import Lumped
 from .simulation import simulate
 from .solution import Solution
 from .stepping import LEAST_TOLERANCE
-from .system import System
+from .mechanics.system import System
 
 _SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: answers that differ by less have come to the true one

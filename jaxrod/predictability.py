@@ -6,14 +6,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int8
 
-from . import arguments, statics
+from . import arguments
+from .mechanics import equilibria
 from .core import validation
-from .chart import Local
+from .mechanics.chart import Local
 from .core.linear_algebra import singular_values
 from .motions.motion import Driven, State
 from .core.result import Result
 from .simulation import simulate
-from .system import System
+from .mechanics.system import System
 
 _TIMES = 1000  # at which the distance is looked at; between them its logarithm is taken as straight
 
@@ -123,7 +124,7 @@ def _moved(system: System, start: State, offset) -> State:
     """The start with its angles, strains and their rates (over the natural rate) moved by `offset`."""
     n, d = system.basis.n, start.direction
     place, rate = jnp.split(offset, 2)
-    rate = rate * statics.natural_rate(system)
+    rate = rate * equilibria.natural_rate(system)
     across = Local(d, jnp.zeros_like(start.turns)).tangents()
     free = place.size - n
     if free:

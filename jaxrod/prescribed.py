@@ -7,8 +7,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .chart import Strains
-from .equations import Moving, Scene
+from .mechanics.chart import Strains
+from .mechanics.equations import Moving, Scene
 from .core.scalarize import by_number, gathered, scattered
 from .motions.motion import State
 from .oscillating import AbstractOscillating, AxialModes, back

@@ -11,9 +11,9 @@ from jaxtyping import Array, Float
 
 from .core import calling, validation
 from . import continuum
-from .modal import natural_frequencies
+from .mechanics.vibration import natural_frequencies
 from .rods.rod import Rod
-from .system import System
+from .mechanics.system import System
 
 
 class AbstractQuantity(eqx.Module):

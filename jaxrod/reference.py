@@ -9,7 +9,7 @@ from . import continuum
 from .motions.motion import State
 from .quantity import AbstractQuantity, Measured
 from .rods.rod import Rod
-from .system import System
+from .mechanics.system import System
 
 _MODES = (8, 16, 32, 64, 128, 256)
 _MOST_STEPS = 2e5  # radians of the highest mode in a run: some seconds

@@ -13,7 +13,7 @@ from .paper import corrected
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
 from .rods.rod import Rod
 from .rods.section import Cone, Uniform
-from .system import System
+from .mechanics.system import System
 
 
 class Scene(NamedTuple):

@@ -24,12 +24,12 @@ from . import arguments
 from .rods import plausibility
 from .core import validation, precision, units
 from .budget import budgets
-from .chart import AbstractChart
+from .mechanics.chart import AbstractChart
 from .core.validation import in_type
 from .choice import Plan
 from .defaults import best_solver, by_equal_steps, default_chart
 from .integration import by_the_clock, integrate
-from .lagrangian import Lagrangian, Phase
+from .mechanics.lagrangian import Lagrangian, Phase
 from .ledger import is_closed
 from .motions.motion import State, check_start
 from .multistep import AbstractMultistep
@@ -40,7 +40,7 @@ from .rods.rod import Rod
 from .solution import Solution
 from .stepping import step_through
 from .integrators.symplectic import AbstractSymplectic
-from .system import System
+from .mechanics.system import System
 from .unrolled import Unrolled
 
 _LOCAL = 1e-4  # error of a step over `tolerance`

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .equations import Scene
+from .mechanics.equations import Scene
 from .core.scalarize import Numbers, by_number
 from .motions.motion import Flight, Rotation, State
 from .shapes.projection import Projection

@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from .energy import gravity_pivoted, kinetic_director
-from .equations import eigenvalues
+from .mechanics.energy import gravity_pivoted, kinetic_director
+from .mechanics.equations import eigenvalues
 from .flat import Flat
 from .ledger import energy_change, is_closed, over, with_start
 from .core.linear_algebra import eigvalsh
@@ -24,7 +24,7 @@ from .solution import Solution
 from .splitting import AbstractStepped
 from .motions.stops import Stops
 from .integrators.symplectic import ABA864, AbstractSymplectic
-from .system import System
+from .mechanics.system import System
 from .unrolled import Unrolled, Whole
 
 LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}  # that a type reaches

@@ -24,7 +24,7 @@ from .quantity import as_quantity
 from .reference import exact_answer
 from .rods.rod import Lumped
 from .simulation import simulate
-from .system import System
+from .mechanics.system import System
 
 RUNGS: tuple[AbstractBasis, ...] = (
     Ritz(0), QuasiStatic(LoadRitz(2)), Ritz(1), ForceRitz(1), LoadRitz(2), Ritz(3), LoadRitz(4), LoadRitz(6),

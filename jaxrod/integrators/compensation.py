@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..lagrangian import Phase
+from ..mechanics.lagrangian import Phase
 
 
 class Tracked(NamedTuple):

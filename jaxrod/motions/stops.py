@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core import validation
 from .preview import Preview
-from ..system import System
+from ..mechanics.system import System
 
 _BESIDE = 1e-11  # of a run's length, below which a knot counts as a save time
 

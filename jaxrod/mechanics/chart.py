@@ -14,8 +14,8 @@ from jaxtyping import Array, Float
 
 from . import energy
 from .lagrangian import Phase
-from .motions.motion import AbstractMotion, Driven, Flight, Placement, State, heading
-from .shapes.projection import Projection
+from ..motions.motion import AbstractMotion, Driven, Flight, Placement, State, heading
+from ..shapes.projection import Projection
 
 
 class AbstractChart(eqx.Module):

@@ -9,11 +9,11 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from .core import validation
-from .shapes.basis import QuasiStatic
+from ..core import validation
+from ..shapes.basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
-from .core.linear_algebra import one_by_one, pinv
-from .motions.motion import Driven, Flight, State
+from ..core.linear_algebra import one_by_one, pinv
+from ..motions.motion import Driven, Flight, State
 from .system import System, check_system
 
 

@@ -8,23 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .core import validation, units
+from ..core import validation, units
 from . import energy
-from .axial import Axial
-from .shapes.basis import AbstractBasis, QuasiStatic, Ritz
+from ..axial import Axial
+from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
-from .fitting import check_parts
-from .flat import Flat
-from .motions.force import AbstractForce
+from .compatibility import check_parts
+from ..flat import Flat
+from ..motions.force import AbstractForce
 from .lagrangian import Lagrangian
-from .motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
-from .prescribed import Prescribed
-from .shapes.projection import Projection
-from .rods.rod import Lumped, Rod
-from .motions.signal import signals
-from .splitting import AbstractSplit
-from .starting import started
+from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
+from ..prescribed import Prescribed
+from ..shapes.projection import Projection
+from ..rods.rod import Lumped, Rod
+from ..motions.signal import signals
+from ..splitting import AbstractSplit
+from .initial_state import started
 
 
 class System(eqx.Module):

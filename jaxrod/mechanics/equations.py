@@ -11,12 +11,12 @@ from jaxtyping import Array, Float
 
 from . import energy
 from .chart import AbstractChart
-from .motions.force import AbstractForce
+from ..motions.force import AbstractForce
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
-from .core.scalarize import depends_on_first
-from .core.linear_algebra import eigvalsh
-from .motions.motion import AbstractMotion, Placement, State
-from .shapes.projection import Projection
+from ..core.scalarize import depends_on_first
+from ..core.linear_algebra import eigvalsh
+from ..motions.motion import AbstractMotion, Placement, State
+from ..shapes.projection import Projection
 
 
 class Scene(eqx.Module):

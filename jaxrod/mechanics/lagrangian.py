@@ -12,8 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .core import calling, validation
-from .motions.signal import on_clock
+from ..core import calling, validation
+from ..motions.signal import on_clock
 
 _UNROLLED = 6
 

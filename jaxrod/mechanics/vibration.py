@@ -9,13 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from .core import validation, precision, eigen
-from . import continuum, statics
+from ..core import validation, precision, eigen
+from .. import continuum
+from . import equilibria
 from .chart import Local
-from .motions.motion import State
-from .shapes.projection import Projection
-from .rods.rod import Rod
-from .shapes.stiffening import warn_of_forces
+from ..motions.motion import State
+from ..shapes.projection import Projection
+from ..rods.rod import Rod
+from ..shapes.stiffening import warn_of_forces
 from .system import System, check_state, check_system
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning
@@ -165,10 +166,10 @@ def modes(system: System, about: State | None = None) -> Modes:
           25.1646             0   0.000    1.000
     """
     check_system(system)
-    about = statics.equilibrium(system) if about is None else about
+    about = equilibria.equilibrium(system) if about is None else about
     check_state(system, about, "about")
     frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
-    if validation.fails(lambda x: x < 100 * statics.unbalanced_at_most(x.dtype), unbalanced):
+    if validation.fails(lambda x: x < 100 * equilibria.unbalanced_at_most(x.dtype), unbalanced):
         raise ValueError(
             f"about= is no equilibrium, accelerations are {float(unbalanced):.1e} of the natural ones; take one from "
             "jaxrod.equilibrium(system, ...)."
@@ -179,12 +180,12 @@ def modes(system: System, about: State | None = None) -> Modes:
 @eqx.filter_jit
 def _modes(system, about):
     spin = about.rate if about.planar else about.azimuth_rate
-    chart = statics.chart_at(system, about.direction, spin)
+    chart = equilibria.chart_at(system, about.direction, spin)
     phase = system.equations(chart).encode(0.0, about)
-    q, rate = phase.q, statics.natural_rate(system)
+    q, rate = phase.q, equilibria.natural_rate(system)
 
     def push(q, v):
-        return statics.accelerations(system, chart, q, v)
+        return equilibria.accelerations(system, chart, q, v)
 
     zero = jnp.zeros_like(q)
     unbalanced = jnp.max(jnp.abs(jnp.concatenate([push(q, zero), rate * phase.v])), initial=0.0) / rate**2

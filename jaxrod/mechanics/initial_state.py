@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .core import validation
-from .motions.motion import Driven, Flight, State, heading
+from ..core import validation
+from ..motions.motion import Driven, Flight, State, heading
 
 _MANY_RADIANS = 30.0, 1080.0  # between which a multiple of 15 is taken for degrees
 

@@ -9,7 +9,7 @@ from typing import Any
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .shapes.projection import Projection
+from ..shapes.projection import Projection
 
 
 def kinetic_rotation(body: Projection, a, da, dpsi) -> Float[Array, ""]:
