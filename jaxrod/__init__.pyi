@@ -44,8 +44,8 @@ from .motions.motion import Flight as Flight
 from .motions.motion import Rotation as Rotation
 from .motions.motion import Spherical as Spherical
 from .motions.motion import State as State
-from .multistep import QuinlanTremaine10 as QuinlanTremaine10
-from .multistep import QuinlanTremaine12 as QuinlanTremaine12
+from .mechanics.splittings.multistep import QuinlanTremaine10 as QuinlanTremaine10
+from .mechanics.splittings.multistep import QuinlanTremaine12 as QuinlanTremaine12
 from .planning import plan as plan
 from .predictability import Horizon as Horizon
 from .predictability import horizon as horizon
@@ -77,6 +77,6 @@ from .integrators.symplectic import StormerVerlet as StormerVerlet
 from .mechanics.system import System as System
 from .tradeoff import Tradeoff as Tradeoff
 from .tradeoff import tradeoff as tradeoff
-from .unrolled import Unrolled as Unrolled
+from .mechanics.splittings.unsplit import Unrolled as Unrolled
 
 __version__: str

@@ -13,7 +13,7 @@ from . import configuration
 from .mechanics.chart import AbstractChart
 from .mechanics.lagrangian import Lagrangian
 from .motions.motion import Driven, State, check_start
-from .multistep import AbstractMultistep
+from .mechanics.splittings.multistep import AbstractMultistep
 from .rods.rod import Rod
 from .stepping import LEAST_TOLERANCE
 from .motions.stops import known_knots, since

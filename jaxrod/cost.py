@@ -11,7 +11,7 @@ import numpy as np
 from .core import validation
 from .shapes.basis import QuasiStatic
 from .motions.motion import Driven
-from .multistep import AbstractMultistep
+from .mechanics.splittings.multistep import AbstractMultistep
 from .integrators.symplectic import AbstractSymplectic
 from .mechanics.system import System
 

@@ -9,7 +9,7 @@ from .core import validation
 from .mechanics.chart import AbstractChart, Angles, Director, Embedded, Strains
 from .mechanics.lagrangian import Lagrangian
 from .motions.motion import Driven
-from .multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
+from .mechanics.splittings.multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from .integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
 from .mechanics.system import System, check_system
 

@@ -32,7 +32,7 @@ from .integration import by_the_clock, integrate
 from .mechanics.lagrangian import Lagrangian, Phase
 from .ledger import is_closed
 from .motions.motion import State, check_start
-from .multistep import AbstractMultistep
+from .mechanics.splittings.multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .core.result import Result, SimulationError
 from .integrators.reversal import reversible
@@ -41,7 +41,7 @@ from .solution import Solution
 from .stepping import step_through
 from .integrators.symplectic import AbstractSymplectic
 from .mechanics.system import System
-from .unrolled import Unrolled
+from .mechanics.splittings.unsplit import Unrolled
 
 _LOCAL = 1e-4  # error of a step over `tolerance`
 _CLOSER = 8  # steps in one that was too long for a load

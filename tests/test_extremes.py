@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 import jaxrod
 from jaxrod import Result
-from jaxrod.oscillating import AxialModes
+from jaxrod.mechanics.splittings.normal_modes import AxialModes
 
 GRAVITY = 9.81
 TIMES = jnp.linspace(0.0, 1.0, 41)  # always as many: runs of one structure and one shape are compiled once

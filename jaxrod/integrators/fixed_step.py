@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from .reversal import ONCE, reversible
-from ..splitting import AbstractSplit, AbstractStepped, Split
+from ..mechanics.splittings.common import AbstractSplit, AbstractStepped, Split
 from .compensation import passed
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5

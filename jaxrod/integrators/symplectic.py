@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..splitting import AbstractSplit, Stage
+from ..mechanics.splittings.common import AbstractSplit, Stage
 
 
 class SplitTerm(diffrax.AbstractTerm):

@@ -10,20 +10,20 @@ from jaxtyping import Array, Float
 
 from ..core import validation, units
 from . import energy
-from ..axial import Axial
+from .splittings.free_rotation import Axial
 from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from .chart import AbstractChart, Embedded, Strains
 from .equations import Condensed, Moving, Scene
 from .compatibility import check_parts
-from ..flat import Flat
+from .splittings.uniform_strain import Flat
 from ..motions.force import AbstractForce
 from .lagrangian import Lagrangian
 from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
-from ..prescribed import Prescribed
+from .splittings.driven_rotation import Prescribed
 from ..shapes.projection import Projection
 from ..rods.rod import Lumped, Rod
 from ..motions.signal import signals
-from ..splitting import AbstractSplit
+from .splittings.common import AbstractSplit
 from .initial_state import started
 
 

@@ -7,12 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .mechanics.chart import Strains
-from .mechanics.equations import Moving, Scene
-from .core.scalarize import by_number, gathered, scattered
-from .motions.motion import State
-from .oscillating import AbstractOscillating, AxialModes, back
-from .splitting import LONGEST_TURN, Split, watched
+from ..chart import Strains
+from ..equations import Moving, Scene
+from ...core.scalarize import by_number, gathered, scattered
+from ...motions.motion import State
+from .normal_modes import AbstractOscillating, AxialModes, back
+from .common import LONGEST_TURN, Split, watched
 
 
 class Prescribed(AbstractOscillating):

@@ -18,10 +18,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .flat import Flat
-from .core.scalarize import Numbers
-from .splitting import AbstractStepped, Split
-from .integrators.symplectic import BlanesMoan6
+from .uniform_strain import Flat
+from ...core.scalarize import Numbers
+from .common import AbstractStepped, Split
+from ...integrators.symplectic import BlanesMoan6
 
 _STARTER, _SUBSTEPS = BlanesMoan6(), 2  # in a step back
 

@@ -6,13 +6,13 @@ import diffrax
 import equinox as eqx
 import jax.numpy as jnp
 
-from .core import validation
-from .mechanics.chart import Director, Embedded, Strains
-from .mechanics.equations import Condensed, Moving, eigenvalues
-from .core.scalarize import by_number, gathered, scattered
-from .motions.motion import Driven
-from .splitting import AbstractStepped, Split, least, lowest, watched
-from .mechanics.system import System
+from ...core import validation
+from ..chart import Director, Embedded, Strains
+from ..equations import Condensed, Moving, eigenvalues
+from ...core.scalarize import by_number, gathered, scattered
+from ...motions.motion import Driven
+from .common import AbstractStepped, Split, least, lowest, watched
+from ..system import System
 
 
 class Unrolled(diffrax.AbstractSolver):

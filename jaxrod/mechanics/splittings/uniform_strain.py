@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from .mechanics import energy
-from .mechanics.chart import Embedded
-from .mechanics.equations import Moving, Scene
-from .core.scalarize import Numbers, by_number, gathered, scattered
-from .motions.motion import State
-from .splitting import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
+from .. import energy
+from ..chart import Embedded
+from ..equations import Moving, Scene
+from ...core.scalarize import Numbers, by_number, gathered, scattered
+from ...motions.motion import State
+from .common import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
 
 
 class Flat(AbstractSplit):
