@@ -38,7 +38,7 @@ from tqdm import tqdm  # noqa: E402
 
 from jaxrod import cost  # noqa: E402
 from jaxrod.core.validation import in_type  # noqa: E402
-from jaxrod.defaults import solvers  # noqa: E402
+from jaxrod.runs.defaults import solvers  # noqa: E402
 from jaxrod.ladder import on_rung  # noqa: E402
 from jaxrod.reference import apart  # noqa: E402
 

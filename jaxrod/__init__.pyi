@@ -17,8 +17,8 @@ from .mechanics.chart import Local as Local
 from .mechanics.chart import Strains as Strains
 from .choice import Plan as Plan
 from .configuration import configure as configure
-from .defaults import default_chart as default_chart
-from .defaults import default_solver as default_solver
+from .runs.defaults import default_chart as default_chart
+from .runs.defaults import default_solver as default_solver
 from .ensemble import sweep as sweep
 from .motions.force import AbstractForce as AbstractForce
 from .motions.force import KelvinVoigt as KelvinVoigt
@@ -30,7 +30,7 @@ from .identification import Fit as Fit
 from .identification import Positive as Positive
 from .identification import fit as fit
 from .mechanics.lagrangian import Lagrangian as Lagrangian
-from .ledger import Ledger as Ledger
+from .runs.invariants import Ledger as Ledger
 from .continuum.neglected import ModelLimits as ModelLimits
 from .continuum.neglected import model_limits as model_limits
 from .shapes.load_basis import LoadRitz as LoadRitz
@@ -68,7 +68,7 @@ from .motions.signal import Impulse as Impulse
 from .motions.signal import Record as Record
 from .simulation import Reversible as Reversible
 from .simulation import simulate as simulate
-from .solution import Solution as Solution
+from .runs.solution import Solution as Solution
 from .mechanics.equilibria import equilibrium as equilibrium
 from .integrators.symplectic import ABA864 as ABA864
 from .integrators.symplectic import BlanesMoan4 as BlanesMoan4

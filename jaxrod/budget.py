@@ -28,8 +28,8 @@ from .motions.motion import State
 from .quantity import AbstractQuantity
 from .core.result import Result
 from .rods.rod import Rod
-from .solution import Solution
-from .stepping import LEAST_TOLERANCE
+from .runs.solution import Solution
+from .runs.fixed_steps import LEAST_TOLERANCE
 from .mechanics.system import System
 
 _FLOOR = 1e-12  # no bound is below it

@@ -17,7 +17,7 @@ from .motions.motion import Flight, Rotation, State
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone
 from .simulation import simulate
-from .solution import Solution
+from .runs.solution import Solution
 from .mechanics.system import System
 
 _INNER = slice(paper.SAMPLES // 10, -paper.SAMPLES // 10)  # where bands do not ring from the ends

@@ -16,7 +16,7 @@ from .motions.motion import Rotation
 from .rods.rod import Lumped, Rod
 from .rods.section import Cone
 from .simulation import simulate
-from .solution import Solution
+from .runs.solution import Solution
 from .mechanics.system import System, check_system
 
 # Figure 2: a rubber rod turning about a horizontal axis through its thin end.  psi(0) and eps(0) are not printed; 0 is

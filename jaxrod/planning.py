@@ -19,13 +19,14 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from . import arguments, continuum, cost
+from .runs import arguments
+from . import continuum, cost
 from .core import validation
 from .shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .budget import NUDGE, nudged, parted
 from .core.validation import in_type
 from .choice import Plan, axial_rate, named
-from .defaults import by_equal_steps, solvers
+from .runs.defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer
 from .shapes.load_basis import LoadRitz
 from .motions.motion import Driven, Flight, State
@@ -33,8 +34,8 @@ from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
 from .rods.rod import Lumped
 from .simulation import simulate
-from .solution import Solution
-from .stepping import LEAST_TOLERANCE
+from .runs.solution import Solution
+from .runs.fixed_steps import LEAST_TOLERANCE
 from .mechanics.system import System
 
 _SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth

@@ -12,7 +12,7 @@ from .core import validation
 from .choice import named
 from .shapes.load_basis import LoadRitz
 from .motions.motion import State
-from .solution import Solution
+from .runs.solution import Solution
 from .tradeoff import RUNGS, Tradeoff
 
 _BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"

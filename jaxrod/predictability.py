@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int8
 
-from . import arguments
+from .runs import arguments
 from .mechanics import equilibria
 from .core import validation
 from .mechanics.chart import Local

@@ -20,25 +20,25 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from . import arguments
+from .runs import arguments
 from .rods import plausibility
 from .core import validation, precision, units
 from .budget import budgets
 from .mechanics.chart import AbstractChart
 from .core.validation import in_type
 from .choice import Plan
-from .defaults import best_solver, by_equal_steps, default_chart
-from .integration import by_the_clock, integrate
+from .runs.defaults import best_solver, by_equal_steps, default_chart
+from .runs.adaptive_steps import by_the_clock, integrate
 from .mechanics.lagrangian import Lagrangian, Phase
-from .ledger import is_closed
+from .runs.invariants import is_closed
 from .motions.motion import State, check_start
 from .mechanics.splittings.multistep import AbstractMultistep
 from .quantity import AbstractQuantity, as_quantity
 from .core.result import Result, SimulationError
 from .integrators.reversal import reversible
 from .rods.rod import Rod
-from .solution import Solution
-from .stepping import step_through
+from .runs.solution import Solution
+from .runs.fixed_steps import step_through
 from .integrators.symplectic import AbstractSymplectic
 from .mechanics.system import System
 from .mechanics.splittings.unsplit import Unrolled

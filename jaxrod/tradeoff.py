@@ -11,12 +11,12 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from . import arguments
+from .runs import arguments
 from .core import validation
 from .shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from .core.validation import in_type
 from .choice import named
-from .defaults import by_equal_steps, solvers
+from .runs.defaults import by_equal_steps, solvers
 from .ladder import brought, condensable, richer, rung
 from .shapes.load_basis import LoadRitz
 from .motions.motion import State

@@ -527,10 +527,10 @@ def test_steps_in_resonance(monkeypatch):
         "periods": 5.32894,
     }  # fmt: skip
     kind = random_extremes.Kind("Driven", 3)
-    monkeypatch.setattr("jaxrod.stepping._FINEST", 0.25)  # other counts are far from it
+    monkeypatch.setattr("jaxrod.runs.fixed_steps._FINEST", 0.25)  # other counts are far from it
     off, result = _default(kind, numbers)
     assert off < 1e-8 and result == Result.ok
-    monkeypatch.setattr("jaxrod.stepping._CLEAR", 0.0)
+    monkeypatch.setattr("jaxrod.runs.fixed_steps._CLEAR", 0.0)
     off, result = _default(kind, numbers, 19)  # another program
     assert off > 5e-8 and result == Result.coarse
 
@@ -546,7 +546,7 @@ def test_lingering_upside_down(monkeypatch):
     }  # fmt: skip
     kind = random_extremes.Kind("Rotation inside", 3)
     assert _default(kind, numbers)[1] == Result.coarse
-    monkeypatch.setattr("jaxrod.stepping._LINGERING", 0.0)
+    monkeypatch.setattr("jaxrod.runs.fixed_steps._LINGERING", 0.0)
     off, result = _default(kind, numbers, 19)
     assert off > 1e-8 and result == Result.ok
 

@@ -5,10 +5,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .mechanics import energy
-from .shapes.basis import QuasiStatic
-from .motions.motion import Driven, Flight, State
-from .mechanics.system import System
+from ..mechanics import energy
+from ..shapes.basis import QuasiStatic
+from ..motions.motion import Driven, Flight, State
+from ..mechanics.system import System
 
 
 class Ledger(eqx.Module):

@@ -8,18 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .core import calling, validation, precision, units
-from . import configuration
-from .mechanics.chart import AbstractChart
-from .mechanics.lagrangian import Lagrangian
-from .motions.motion import Driven, State, check_start
-from .mechanics.splittings.multistep import AbstractMultistep
-from .rods.rod import Rod
-from .stepping import LEAST_TOLERANCE
-from .motions.stops import known_knots, since
-from .integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
-from .mechanics.system import System
-from .mechanics.system import check_system as check_is_system
+from ..core import calling, validation, precision, units
+from .. import configuration
+from ..mechanics.chart import AbstractChart
+from ..mechanics.lagrangian import Lagrangian
+from ..motions.motion import Driven, State, check_start
+from ..mechanics.splittings.multistep import AbstractMultistep
+from ..rods.rod import Rod
+from .fixed_steps import LEAST_TOLERANCE
+from ..motions.stops import known_knots, since
+from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
+from ..mechanics.system import System
+from ..mechanics.system import check_system as check_is_system
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 
