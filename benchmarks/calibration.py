@@ -24,7 +24,7 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
-from jaxrod import cost  # noqa: E402
+from jaxrod.accuracy import cost_model  # noqa: E402
 from jaxrod.core.validation import in_type  # noqa: E402
 
 LANES, REPEATS = 64, 9
@@ -49,7 +49,7 @@ def ways():
 def nanoseconds(kind: str, solver: Any, basis: Any, dtype: str) -> float:
     """Of a stage, for each lane."""
     steps, least = laps(kind, solver, basis, dtype, STEPS, LANES)
-    return 1e9 * (least[-1] - least[-2]) / (steps[-1] - steps[-2]) / cost.stages(solver) / LANES
+    return 1e9 * (least[-1] - least[-2]) / (steps[-1] - steps[-2]) / cost_model.stages(solver) / LANES
 
 
 def besides(dtype: str) -> float:

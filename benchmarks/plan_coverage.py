@@ -36,11 +36,11 @@ import numpy as np  # noqa: E402
 import report  # noqa: E402
 from tqdm import tqdm  # noqa: E402
 
-from jaxrod import cost  # noqa: E402
+from jaxrod.accuracy import cost_model  # noqa: E402
 from jaxrod.core.validation import in_type  # noqa: E402
 from jaxrod.runs.defaults import solvers  # noqa: E402
-from jaxrod.ladder import on_rung  # noqa: E402
-from jaxrod.reference import apart  # noqa: E402
+from jaxrod.accuracy.ladder import on_rung  # noqa: E402
+from jaxrod.accuracy.reference import apart  # noqa: E402
 
 TOLERANCES = (1e-2, 1e-4, 1e-6)
 MODES = 256  # of the exact rod; half of them tell how well it knows
@@ -136,11 +136,11 @@ def search(scene: Drawn, here: tuple, solver, fine_steps: float, truth, within: 
         settings = [{"solver": solver, "n_steps": round(n)} for n in counts if n < max(10 * fine_steps, 2 * saved)]
     lost = 0
     for how in settings:
-        spent = cost.seconds(system, solver, how.get("n_steps", 1))  # at the least: it may not be worth a run
+        spent = cost_model.seconds(system, solver, how.get("n_steps", 1))  # at the least: it may not be worth a run
         if all(spent > best[tolerance] for tolerance in within):
             return
         found, steps = value(scene, system, start, **how)
-        error, spent = apart(found, truth), cost.seconds(system, solver, steps)
+        error, spent = apart(found, truth), cost_model.seconds(system, solver, steps)
         for tolerance in within:
             if error <= tolerance and before <= FINER**3 * tolerance:
                 best[tolerance] = min(best[tolerance], spent)

@@ -21,7 +21,7 @@ import jax.numpy as jnp  # noqa: E402
 import numpy as np  # noqa: E402
 import report  # noqa: E402
 
-from jaxrod.choice import named  # noqa: E402
+from jaxrod.accuracy.run_plan import named  # noqa: E402
 
 MATERIALS = {"rubber": (1e7, 1200.0), "nylon": (3e9, 1150.0), "aluminium": (7e10, 2700.0), "steel": (2e11, 7800.0)}
 RATES = jnp.linspace(14.0, 16.0, 64)

@@ -1,7 +1,7 @@
 from . import claims as claims
 from . import continuum as continuum
 from .mechanics import energy as energy
-from . import ladder as ladder
+from .accuracy import ladder as ladder
 from .rods import law as law
 from . import paper as paper
 from . import plot as plot
@@ -9,13 +9,13 @@ from . import scenes as scenes
 from .shapes.basis import ForceRitz as ForceRitz
 from .shapes.basis import QuasiStatic as QuasiStatic
 from .shapes.basis import Ritz as Ritz
-from .budget import Budget as Budget
+from .accuracy.error_budget import Budget as Budget
 from .mechanics.chart import Angles as Angles
 from .mechanics.chart import Director as Director
 from .mechanics.chart import Embedded as Embedded
 from .mechanics.chart import Local as Local
 from .mechanics.chart import Strains as Strains
-from .choice import Plan as Plan
+from .accuracy.run_plan import Plan as Plan
 from .configuration import configure as configure
 from .runs.defaults import default_chart as default_chart
 from .runs.defaults import default_solver as default_solver
@@ -46,15 +46,15 @@ from .motions.motion import Spherical as Spherical
 from .motions.motion import State as State
 from .mechanics.splittings.multistep import QuinlanTremaine10 as QuinlanTremaine10
 from .mechanics.splittings.multistep import QuinlanTremaine12 as QuinlanTremaine12
-from .planning import plan as plan
-from .predictability import Horizon as Horizon
-from .predictability import horizon as horizon
-from .quantity import AbstractQuantity as AbstractQuantity
-from .quantity import FinalAngle as FinalAngle
-from .quantity import FinalTip as FinalTip
-from .quantity import FirstFrequency as FirstFrequency
-from .quantity import LargestStrain as LargestStrain
-from .quantity import Measured as Measured
+from .accuracy.planning import plan as plan
+from .accuracy.predictability import Horizon as Horizon
+from .accuracy.predictability import horizon as horizon
+from .accuracy.quantity import AbstractQuantity as AbstractQuantity
+from .accuracy.quantity import FinalAngle as FinalAngle
+from .accuracy.quantity import FinalTip as FinalTip
+from .accuracy.quantity import FirstFrequency as FirstFrequency
+from .accuracy.quantity import LargestStrain as LargestStrain
+from .accuracy.quantity import Measured as Measured
 from .core.result import Result as Result
 from .core.result import SimulationError as SimulationError
 from .rods.rod import Lumped as Lumped
@@ -75,8 +75,8 @@ from .integrators.symplectic import BlanesMoan4 as BlanesMoan4
 from .integrators.symplectic import BlanesMoan6 as BlanesMoan6
 from .integrators.symplectic import StormerVerlet as StormerVerlet
 from .mechanics.system import System as System
-from .tradeoff import Tradeoff as Tradeoff
-from .tradeoff import tradeoff as tradeoff
+from .accuracy.work_precision import Tradeoff as Tradeoff
+from .accuracy.work_precision import tradeoff as tradeoff
 from .mechanics.splittings.unsplit import Unrolled as Unrolled
 
 __version__: str

@@ -9,11 +9,11 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
 from .core import validation
-from .choice import named
+from .accuracy.run_plan import named
 from .shapes.load_basis import LoadRitz
 from .motions.motion import State
 from .runs.solution import Solution
-from .tradeoff import RUNGS, Tradeoff
+from .accuracy.work_precision import RUNGS, Tradeoff
 
 _BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"
 

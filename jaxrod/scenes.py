@@ -10,7 +10,7 @@ from .shapes.basis import Ritz
 from .motions.force import TipForce
 from .motions.motion import Driven, Rotation, Spherical, State
 from .paper import corrected
-from .quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
+from .accuracy.quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
 from .rods.rod import Rod
 from .rods.section import Cone, Uniform
 from .mechanics.system import System

@@ -23,17 +23,17 @@ from jaxtyping import Array
 from .runs import arguments
 from .rods import plausibility
 from .core import validation, precision, units
-from .budget import budgets
+from .accuracy.error_budget import budgets
 from .mechanics.chart import AbstractChart
 from .core.validation import in_type
-from .choice import Plan
+from .accuracy.run_plan import Plan
 from .runs.defaults import best_solver, by_equal_steps, default_chart
 from .runs.adaptive_steps import by_the_clock, integrate
 from .mechanics.lagrangian import Lagrangian, Phase
 from .runs.invariants import is_closed
 from .motions.motion import State, check_start
 from .mechanics.splittings.multistep import AbstractMultistep
-from .quantity import AbstractQuantity, as_quantity
+from .accuracy.quantity import AbstractQuantity, as_quantity
 from .core.result import Result, SimulationError
 from .integrators.reversal import reversible
 from .rods.rod import Rod

@@ -10,7 +10,7 @@ import pytest
 
 import jaxrod
 from jaxrod.continuum import closed_forms
-from jaxrod.ladder import on_rung
+from jaxrod.accuracy.ladder import on_rung
 
 # The exact rod of the paper's Figure 2 from a sudden start (unstretched): 80 exact modes and Richardson's limit of finite
 # elements agree in these digits.
@@ -156,9 +156,9 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
 @pytest.mark.slow
 def test_several_quantities_share_their_runs(cone, monkeypatch):
     """Each has the budget that it has alone; the finer runs are made once, and not for what is known without them."""
-    made, real = [], sys.modules["jaxrod.budget"].finer_runs
+    made, real = [], sys.modules["jaxrod.accuracy.error_budget"].finer_runs
     monkeypatch.setattr(
-        sys.modules["jaxrod.budget"], "finer_runs", lambda *given: [made.append(given), real(*given)][1]
+        sys.modules["jaxrod.accuracy.error_budget"], "finer_runs", lambda *given: [made.append(given), real(*given)][1]
     )
     system, start = _scene(cone, jaxrod.Ritz(1))
 

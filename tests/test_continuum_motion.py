@@ -14,7 +14,7 @@ import pytest
 
 import jaxrod
 from jaxrod import continuum
-from jaxrod.ladder import on_rung
+from jaxrod.accuracy.ladder import on_rung
 
 STILL = jaxrod.Driven(lambda t: 0.0 * t)
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod import cost
-from jaxrod.planning import _Search
+from jaxrod.accuracy import cost_model
+from jaxrod.accuracy.planning import _Search
 
 
 def _steel(young=2e11):
@@ -109,8 +109,8 @@ def test_laws_of_strain_and_late_starts(cone):
 def test_costs_grow():
     """With shapes, also beyond those that were measured, and with the float type."""
     for way in ("axial", "prescribed", "adaptive"):
-        ns = [cost.stage(way, np.float64, n) for n in (3, 6, 9, 18)]
-        assert np.all(np.diff(ns) > 0) and cost.stage(way, np.float32, 6) < ns[1]
+        ns = [cost_model.stage(way, np.float64, n) for n in (3, 6, 9, 18)]
+        assert np.all(np.diff(ns) > 0) and cost_model.stage(way, np.float32, 6) < ns[1]
 
 
 @pytest.mark.slow

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.reference import comparable, exact_answer
+from jaxrod.accuracy.reference import comparable, exact_answer
 
 END = jnp.array([2.0])
 

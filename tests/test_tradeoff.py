@@ -8,8 +8,8 @@ import pytest
 
 import jaxrod
 from jaxrod.cli import main
-from jaxrod.ladder import at_rest, on_rung
-from jaxrod.tradeoff import Row, Tradeoff
+from jaxrod.accuracy.ladder import at_rest, on_rung
+from jaxrod.accuracy.work_precision import Row, Tradeoff
 
 
 def test_front():
@@ -24,9 +24,9 @@ def test_front():
 @pytest.mark.slow
 def test_no_luck(monkeypatch):
     """Started steadily, uniform strain is 5.0e-3 rad off after 2 s, and no steps that happen to undo it make it better."""
-    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "RUNGS", (jaxrod.Ritz(1),))
-    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "solvers", lambda scene: [jaxrod.StormerVerlet()])
-    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "_FRACTIONS", np.geomspace(0.1, 4.0, 40))
+    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "RUNGS", (jaxrod.Ritz(1),))
+    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "solvers", lambda scene: [jaxrod.StormerVerlet()])
+    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "_FRACTIONS", np.geomspace(0.1, 4.0, 40))
     scene = jaxrod.scenes.cone_started_steadily()
     known = {"t1": scene.t1, "quantity": scene.quantity, "static": True}
     found = jaxrod.tradeoff(scene.system, scene.start, **known, seconds=1.0, progress=False)
@@ -38,8 +38,8 @@ def test_no_luck(monkeypatch):
 def test_of_a_scene(cone, tmp_path, monkeypatch):
     """Rigid first; more shapes are nearer to the exact rod; and a picture."""
     rungs = (jaxrod.Ritz(0), jaxrod.Ritz(1), jaxrod.Ritz(3), jaxrod.LoadRitz(4))
-    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "RUNGS", rungs)
-    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "solvers", lambda scene: [jaxrod.default_solver(scene)])
+    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "RUNGS", rungs)
+    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "solvers", lambda scene: [jaxrod.default_solver(scene)])
     system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
     found = jaxrod.tradeoff(system, system.state(rate=15.0), t1=0.2, seconds=1e6, progress=False)
     assert found.left == 0 and {row.dtype for row in found.rows} == {"float32", "float64"}
@@ -81,7 +81,7 @@ def test_laws_and_late_starts_have_their_rungs(cone):
     for rod, motion, whether in (
         (cone, jaxrod.Rotation(), True), (stiffening, jaxrod.Rotation(), False), (cone, jaxrod.scenes.steady(1.0), False)
     ):  # fmt: skip
-        ways = list(sys.modules["jaxrod.tradeoff"]._ways(jaxrod.System(rod, motion)))
+        ways = list(sys.modules["jaxrod.accuracy.work_precision"]._ways(jaxrod.System(rod, motion)))
         assert any(isinstance(way.basis, jaxrod.QuasiStatic) for way in ways) == whether
         assert {jaxrod.LoadRitz, jaxrod.Ritz} <= {type(way.basis) for way in ways}
     faster = jaxrod.System(cone, jaxrod.Driven(lambda t: 5.0 * t**2), jaxrod.LoadRitz(6))
@@ -110,7 +110,7 @@ def number():
 
 
 def test_command_line_with_a_scene_of_ones_own(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(sys.modules["jaxrod.tradeoff"], "RUNGS", (jaxrod.Ritz(0), jaxrod.Ritz(1)))
+    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "RUNGS", (jaxrod.Ritz(0), jaxrod.Ritz(1)))
     (tmp_path / "own.py").write_text(OWN)
     out = ["--seconds", "0.1", "--out", str(tmp_path / "out")]
     for wrong in ("own.py:number", "own.py:none", "missing.py:pendulum", "own.py"):

@@ -8,12 +8,12 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from .core import validation
-from .shapes.basis import QuasiStatic
-from .motions.motion import Driven
-from .mechanics.splittings.multistep import AbstractMultistep
-from .integrators.symplectic import AbstractSymplectic
-from .mechanics.system import System
+from ..core import validation
+from ..shapes.basis import QuasiStatic
+from ..motions.motion import Driven
+from ..mechanics.splittings.multistep import AbstractMultistep
+from ..integrators.symplectic import AbstractSymplectic
+from ..mechanics.system import System
 
 
 @functools.cache

@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .core import calling, validation
-from . import continuum
-from .mechanics.vibration import natural_frequencies
-from .rods.rod import Rod
-from .mechanics.system import System
+from ..core import calling, validation
+from .. import continuum
+from ..mechanics.vibration import natural_frequencies
+from ..rods.rod import Rod
+from ..mechanics.system import System
 
 
 class AbstractQuantity(eqx.Module):
