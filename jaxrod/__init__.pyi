@@ -26,9 +26,9 @@ from .motions.force import PivotFriction as PivotFriction
 from .motions.force import ShakenBase as ShakenBase
 from .motions.force import TipForce as TipForce
 from .motions.force import Torque as Torque
-from .identification import Fit as Fit
-from .identification import Positive as Positive
-from .identification import fit as fit
+from .identification.fitting import Fit as Fit
+from .identification.fitting import Positive as Positive
+from .identification.fitting import fit as fit
 from .mechanics.lagrangian import Lagrangian as Lagrangian
 from .runs.invariants import Ledger as Ledger
 from .continuum.neglected import ModelLimits as ModelLimits

@@ -14,7 +14,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
-from .core import calling, validation
+from ..core import calling, validation
 
 BLIND = 1e-7  # a direction in which the data change this many times less than in the best one is not identified
 _ROUNDING = 1000  # of a model, in units of its type's last digit
