@@ -1,9 +1,9 @@
-from . import claims as claims
+from .paper import claims as claims
 from . import continuum as continuum
 from .mechanics import energy as energy
 from .accuracy import ladder as ladder
 from .rods import law as law
-from . import paper as paper
+from .paper import figure_2 as figure_2
 from . import plot as plot
 from . import scenes as scenes
 from .shapes.basis import ForceRitz as ForceRitz

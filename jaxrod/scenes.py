@@ -9,7 +9,7 @@ from .core import validation
 from .shapes.basis import Ritz
 from .motions.force import TipForce
 from .motions.motion import Driven, Rotation, Spherical, State
-from .paper import corrected
+from .paper.figure_2 import corrected
 from .accuracy.quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
 from .rods.rod import Rod
 from .rods.section import Cone, Uniform

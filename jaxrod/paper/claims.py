@@ -10,17 +10,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from . import continuum, paper, plot
-from .mechanics import vibration
-from .shapes.basis import Ritz
-from .motions.motion import Flight, Rotation, State
-from .rods.rod import Lumped, Rod
-from .rods.section import Cone
-from .simulation import simulate
-from .runs.solution import Solution
-from .mechanics.system import System
+from .. import continuum, plot
+from . import figure_2
+from ..mechanics import vibration
+from ..shapes.basis import Ritz
+from ..motions.motion import Flight, Rotation, State
+from ..rods.rod import Lumped, Rod
+from ..rods.section import Cone
+from ..simulation import simulate
+from ..runs.solution import Solution
+from ..mechanics.system import System
 
-_INNER = slice(paper.SAMPLES // 10, -paper.SAMPLES // 10)  # where bands do not ring from the ends
+_INNER = slice(figure_2.SAMPLES // 10, -figure_2.SAMPLES // 10)  # where bands do not ring from the ends
 _SPLIT = 12.0  # Hz, between the turns (2.3 Hz and its harmonics) and the strain oscillation (23 Hz)
 
 
@@ -68,7 +69,7 @@ def measured(runs: dict[str, Solution], tips: dict[str, tuple[np.ndarray, np.nda
 def report(folder: pathlib.Path) -> str:
     """Writes the pictures, their data and the tables to `folder`, and returns the tables as Markdown."""
     folder.mkdir(parents=True, exist_ok=True)
-    runs = paper.both()
+    runs = figure_2.both()
     titles = {"as printed": "as printed: (14), arm l0/2", "corrected": "corrected: E V / l0², arm x_C"}
     slow = {
         title: tuple(split_bands(runs[name].ts, signal)[0] for signal in (runs[name].rate, runs[name].strain))
@@ -87,9 +88,9 @@ def report(folder: pathlib.Path) -> str:
             "## What the paper says, measured",
             _markdown(("The paper", "Measured here", "Verdict"), measured(runs, tips)),
             "## Its slips",
-            _markdown(("Where", "Printed", "Right"), paper.slips()),
+            _markdown(("Where", "Printed", "Right"), figure_2.slips()),
             "## What the model leaves out",
-            "\n".join(f"- **{name}**: {what}." for name, what in paper.omissions()),
+            "\n".join(f"- **{name}**: {what}." for name, what in figure_2.omissions()),
         ]
     )
     (folder / "claims.md").write_text(text + "\n", encoding="utf-8")
@@ -113,7 +114,7 @@ def _energy(runs) -> Claim:
         drift.append(np.max(np.abs(energy - energy[0])) / np.max(energy - weight + np.abs(weight)))
     return Claim(
         "The mechanical energy stayed constant.",
-        f"over {paper.DURATION:.0f} s to better than {_bound(max(drift)):.0e} of itself",
+        f"over {figure_2.DURATION:.0f} s to better than {_bound(max(drift)):.0e} of itself",
         "holds; but any potential conserves some energy: the check cannot see the slips in (14), (15)",
     )
 
@@ -154,9 +155,9 @@ def _slow_period(runs) -> list[Claim]:
     parts = []
     for name, sol in runs.items():
         slow, _ = split_bands(sol.ts, sol.rate)
-        turn = 2 * math.pi * paper.DURATION / np.asarray(sol.angle)[-1]
+        turn = 2 * math.pi * figure_2.DURATION / np.asarray(sol.angle)[-1]
         parts.append(f"{name}: {1 / frequency(sol.ts, slow):.3f} s (one turn: {turn:.3f} s)")
-    weightless = paper.figure_2(paper.corrected(gravity=0.0))
+    weightless = figure_2.figure_2(figure_2.corrected(gravity=0.0))
     swing = {
         name: float(np.ptp(split_bands(sol.ts, sol.strain)[0][_INNER]))
         for name, sol in (("with", runs["corrected"]), ("without", weightless))
@@ -176,13 +177,13 @@ def _slow_period(runs) -> list[Claim]:
 
 
 def _plane_motion() -> Claim:
-    flying = System(paper.rod(), Flight(), Ritz(1), paper.GRAVITY)
-    inertia, stiffness = _about_center(paper.rod())
-    turning = System(Lumped(inertia, 0.0, stiffness, paper.LENGTH), Rotation(), Ritz(1), paper.GRAVITY)
-    ts = jnp.linspace(0.0, 1.0, paper.SAMPLES)  # as many as in Figure 2: one compiled program runs both
+    flying = System(figure_2.rod(), Flight(), Ritz(1), figure_2.GRAVITY)
+    inertia, stiffness = _about_center(figure_2.rod())
+    turning = System(Lumped(inertia, 0.0, stiffness, figure_2.LENGTH), Rotation(), Ritz(1), figure_2.GRAVITY)
+    ts = jnp.linspace(0.0, 1.0, figure_2.SAMPLES)  # as many as in Figure 2: one compiled program runs both
     off = max(
         float(np.max(np.abs(np.asarray(getattr(flight, name)) - np.asarray(getattr(turn, name)))))
-        for flight, turn in [[simulate(x, x.state(rate=paper.SPIN), ts=ts) for x in (flying, turning)]]
+        for flight, turn in [[simulate(x, x.state(rate=figure_2.SPIN), ts=ts) for x in (flying, turning)]]
         for name in ("angle", "strain")
     )
     return Claim(
@@ -200,9 +201,9 @@ def _about_center(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
 def _weightless() -> dict[str, System]:
     """The uniform rod of the paper's last paragraph, and its cone, without gravity."""
     # Not Uniform and no gravity but numbers of the same kind as in Figure 2: one compiled program runs all of them.
-    mean = (paper.THIN + paper.THICK) / 2
-    sections = {"uniform rod": Cone(mean, mean), "the paper's cone": Cone(paper.THIN, paper.THICK)}
-    rods = {name: Rod(paper.LENGTH, section, paper.YOUNG, paper.DENSITY) for name, section in sections.items()}
+    mean = (figure_2.THIN + figure_2.THICK) / 2
+    sections = {"uniform rod": Cone(mean, mean), "the paper's cone": Cone(figure_2.THIN, figure_2.THICK)}
+    rods = {name: Rod(figure_2.LENGTH, section, figure_2.YOUNG, figure_2.DENSITY) for name, section in sections.items()}
     return {name: System(rod, Rotation(), Ritz(1), gravity=0.0) for name, rod in rods.items()}
 
 
@@ -227,13 +228,13 @@ def _frequency_error(runs) -> list[Claim]:
 
 def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Tips let go from uniform stretch: exact series and simulated model, over four travel times of a wave."""
-    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, paper.SAMPLES), {}  # as many as in Figure 2, for its program
-    shown = slice(None, None, paper.SAMPLES // 800)
+    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, figure_2.SAMPLES), {}  # as many as in Figure 2, for its program
+    shown = slice(None, None, figure_2.SAMPLES // 800)
     for name, system in _weightless().items():
-        ts = tau * paper.LENGTH / math.sqrt(paper.YOUNG / paper.DENSITY)
+        ts = tau * figure_2.LENGTH / math.sqrt(figure_2.YOUNG / figure_2.DENSITY)
         exact = continuum.release(system, jnp.asarray(strain), jnp.asarray(ts[shown]))
         model = np.asarray(simulate(system, system.state(strain=strain), ts=ts).strain)[shown]
-        tips[name] = (np.asarray(exact) / (strain * paper.LENGTH), model / strain)
+        tips[name] = (np.asarray(exact) / (strain * figure_2.LENGTH), model / strain)
     return tau[shown], tips
 
 
@@ -251,11 +252,11 @@ def _slow_loads() -> Claim:
     parts = []
     for name, system in _weightless().items():
         square = (2 * math.pi * float(vibration.natural_frequencies(system)[0])) ** 2
-        model = paper.SPIN**2 / (square - paper.SPIN**2)
-        exact = float(continuum.steady_spin(system, jnp.asarray(paper.SPIN))) / paper.LENGTH
+        model = figure_2.SPIN**2 / (square - figure_2.SPIN**2)
+        exact = float(continuum.steady_spin(system, jnp.asarray(figure_2.SPIN))) / figure_2.LENGTH
         parts.append(f"{name}: {100 * (model / exact - 1):+.1f} %")
     return Claim(
         "For slowly changing loads the accuracy is acceptable.",
-        f"stretch of the tip at a steady {paper.SPIN:.0f} rad/s; " + "; ".join(parts),
+        f"stretch of the tip at a steady {figure_2.SPIN:.0f} rad/s; " + "; ".join(parts),
         "holds for the uniform rod; on a cone an error of shape stays however slow the load",
     )
