@@ -15,8 +15,8 @@ import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
-from jaxrod.mechanics.splittings.uniform_strain import Flat  # noqa: E402
 from jaxrod.core.scalarize import Numbers  # noqa: E402
+from jaxrod.mechanics.splittings.uniform_strain import Flat  # noqa: E402
 
 STEPS, LANES = 2200, 64
 

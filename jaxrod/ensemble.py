@@ -18,8 +18,8 @@ from jax.sharding import Mesh, NamedSharding, PartitionSpec
 from jaxtyping import Array, PyTree
 from tqdm import tqdm
 
-from .core import calling, validation
 from . import configuration
+from .core import calling, validation
 from .core.result import Result
 
 _LANES = 64  # of every program: eight of the widest registers, which is what hides their latency

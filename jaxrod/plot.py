@@ -8,12 +8,12 @@ from matplotlib import colormaps
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator
 
-from .core import validation
 from .accuracy.run_plan import named
-from .shapes.load_basis import LoadRitz
+from .accuracy.work_precision import RUNGS, Tradeoff
+from .core import validation
 from .motions.motion import State
 from .runs.solution import Solution
-from .accuracy.work_precision import RUNGS, Tradeoff
+from .shapes.load_basis import LoadRitz
 
 _BLUE, _ORANGE, _GREY = "#1f5fa8", "#d9661f", "#9a9a9a"
 

@@ -5,15 +5,15 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 from jax.tree_util import Partial
 
+from .accuracy.quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
 from .core import validation
-from .shapes.basis import Ritz
+from .mechanics.system import System
 from .motions.force import TipForce
 from .motions.motion import Driven, Rotation, Spherical, State
 from .paper.figure_2 import corrected
-from .accuracy.quantity import AbstractQuantity, FinalAngle, FinalTip, LargestStrain
 from .rods.rod import Rod
 from .rods.section import Cone, Uniform
-from .mechanics.system import System
+from .shapes.basis import Ritz
 
 
 class Scene(NamedTuple):

@@ -20,28 +20,28 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from .runs import arguments
-from .rods import plausibility
-from .core import validation, precision, units
 from .accuracy.error_budget import budgets
-from .mechanics.chart import AbstractChart
-from .core.validation import in_type
-from .accuracy.run_plan import Plan
-from .runs.defaults import best_solver, by_equal_steps, default_chart
-from .runs.adaptive_steps import by_the_clock, integrate
-from .mechanics.lagrangian import Lagrangian, Phase
-from .runs.invariants import is_closed
-from .motions.motion import State, check_start
-from .mechanics.splittings.multistep import AbstractMultistep
 from .accuracy.quantity import AbstractQuantity, as_quantity
+from .accuracy.run_plan import Plan
+from .core import precision, units, validation
 from .core.result import Result, SimulationError
+from .core.validation import in_type
 from .integrators.reversal import reversible
-from .rods.rod import Rod
-from .runs.solution import Solution
-from .runs.fixed_steps import step_through
 from .integrators.symplectic import AbstractSymplectic
-from .mechanics.system import System
+from .mechanics.chart import AbstractChart
+from .mechanics.lagrangian import Lagrangian, Phase
+from .mechanics.splittings.multistep import AbstractMultistep
 from .mechanics.splittings.unsplit import Unrolled
+from .mechanics.system import System
+from .motions.motion import State, check_start
+from .rods import plausibility
+from .rods.rod import Rod
+from .runs import arguments
+from .runs.adaptive_steps import by_the_clock, integrate
+from .runs.defaults import best_solver, by_equal_steps, default_chart
+from .runs.fixed_steps import step_through
+from .runs.invariants import is_closed
+from .runs.solution import Solution
 
 _LOCAL = 1e-4  # error of a step over `tolerance`
 _CLOSER = 8  # steps in one that was too long for a load

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.continuum import closed_forms
 from jaxrod.accuracy.ladder import on_rung
+from jaxrod.continuum import closed_forms
 
 # The exact rod of the paper's Figure 2 from a sudden start (unstretched): 80 exact modes and Richardson's limit of finite
 # elements agree in these digits.

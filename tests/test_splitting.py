@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 import jaxrod
+from jaxrod.core.scalarize import gathered, scattered
+from jaxrod.integrators.symplectic import single_step
+from jaxrod.mechanics.splittings.common import Split
+from jaxrod.mechanics.splittings.driven_rotation import Prescribed
 from jaxrod.mechanics.splittings.free_rotation import Axial
 from jaxrod.mechanics.splittings.uniform_strain import Flat
-from jaxrod.core.scalarize import gathered, scattered
-from jaxrod.mechanics.splittings.driven_rotation import Prescribed
-from jaxrod.mechanics.splittings.common import Split
-from jaxrod.integrators.symplectic import single_step
 
 SPACE = {"azimuth": 0.4, "azimuth_rate": 3.0}
 LOADS = (

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.cli import main
 from jaxrod.accuracy.ladder import at_rest, on_rung
 from jaxrod.accuracy.work_precision import Row, Tradeoff
+from jaxrod.cli import main
 
 
 def test_front():
@@ -25,7 +25,9 @@ def test_front():
 def test_no_luck(monkeypatch):
     """Started steadily, uniform strain is 5.0e-3 rad off after 2 s, and no steps that happen to undo it make it better."""
     monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "RUNGS", (jaxrod.Ritz(1),))
-    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "solvers", lambda scene: [jaxrod.StormerVerlet()])
+    monkeypatch.setattr(
+        sys.modules["jaxrod.accuracy.work_precision"], "solvers", lambda scene: [jaxrod.StormerVerlet()]
+    )
     monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "_FRACTIONS", np.geomspace(0.1, 4.0, 40))
     scene = jaxrod.scenes.cone_started_steadily()
     known = {"t1": scene.t1, "quantity": scene.quantity, "static": True}
@@ -39,7 +41,9 @@ def test_of_a_scene(cone, tmp_path, monkeypatch):
     """Rigid first; more shapes are nearer to the exact rod; and a picture."""
     rungs = (jaxrod.Ritz(0), jaxrod.Ritz(1), jaxrod.Ritz(3), jaxrod.LoadRitz(4))
     monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "RUNGS", rungs)
-    monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "solvers", lambda scene: [jaxrod.default_solver(scene)])
+    monkeypatch.setattr(
+        sys.modules["jaxrod.accuracy.work_precision"], "solvers", lambda scene: [jaxrod.default_solver(scene)]
+    )
     system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
     found = jaxrod.tradeoff(system, system.state(rate=15.0), t1=0.2, seconds=1e6, progress=False)
     assert found.left == 0 and {row.dtype for row in found.rows} == {"float32", "float64"}

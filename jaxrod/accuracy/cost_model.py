@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import validation
-from ..shapes.basis import QuasiStatic
-from ..motions.motion import Driven
-from ..mechanics.splittings.multistep import AbstractMultistep
 from ..integrators.symplectic import AbstractSymplectic
+from ..mechanics.splittings.multistep import AbstractMultistep
 from ..mechanics.system import System
+from ..motions.motion import Driven
+from ..shapes.basis import QuasiStatic
 
 
 @functools.cache

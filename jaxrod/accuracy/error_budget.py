@@ -21,16 +21,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import calling, validation
-from .ladder import on_rung, richer
 from ..continuum.neglected import ModelLimits, model_limits
-from ..motions.motion import State
-from .quantity import AbstractQuantity
+from ..core import calling, validation
 from ..core.result import Result
-from ..rods.rod import Rod
-from ..runs.solution import Solution
-from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..mechanics.system import System
+from ..motions.motion import State
+from ..rods.rod import Rod
+from ..runs.fixed_steps import LEAST_TOLERANCE
+from ..runs.solution import Solution
+from .ladder import on_rung, richer
+from .quantity import AbstractQuantity
 
 _FLOOR = 1e-12  # no bound is below it
 _LOST = 0.25  # of the range: beyond it the phase is lost

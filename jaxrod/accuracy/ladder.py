@@ -6,17 +6,17 @@ from typing import Any
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..core import validation
 from .. import continuum
-from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
+from ..core import validation
 from ..mechanics.chart import Director, Strains
 from ..mechanics.equations import Condensed
-from ..motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
 from ..mechanics.lagrangian import solve_positive
-from ..shapes.load_basis import LoadRitz
+from ..mechanics.system import System, check_state, check_system
+from ..motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
 from ..motions.motion import Driven, State
 from ..rods.rod import Lumped, Rod
-from ..mechanics.system import System, check_state, check_system
+from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
+from ..shapes.load_basis import LoadRitz
 
 _ORDER = 24  # nodes for each panel
 

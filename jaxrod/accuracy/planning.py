@@ -19,25 +19,25 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..runs import arguments
 from .. import continuum
-from . import cost_model
 from ..core import validation
-from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
-from .error_budget import NUDGE, nudged, parted
 from ..core.validation import in_type
-from .run_plan import Plan, axial_rate, named
-from ..runs.defaults import by_equal_steps, solvers
-from .ladder import brought, condensable, richer
-from ..shapes.load_basis import LoadRitz
+from ..mechanics.system import System
 from ..motions.motion import Driven, Flight, State
+from ..rods.rod import Lumped
+from ..runs import arguments
+from ..runs.defaults import by_equal_steps, solvers
+from ..runs.fixed_steps import LEAST_TOLERANCE
+from ..runs.solution import Solution
+from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from ..shapes.load_basis import LoadRitz
+from ..simulation import simulate
+from . import cost_model
+from .error_budget import NUDGE, nudged, parted
+from .ladder import brought, condensable, richer
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
-from ..rods.rod import Lumped
-from ..simulation import simulate
-from ..runs.solution import Solution
-from ..runs.fixed_steps import LEAST_TOLERANCE
-from ..mechanics.system import System
+from .run_plan import Plan, axial_rate, named
 
 _SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: answers that differ by less have come to the true one
@@ -317,7 +317,13 @@ class _Search:
             setting = max(steps**-order, LEAST_TOLERANCE[dtype])
             value, taken = self.run(system, start, tolerance=setting)
         return _Way(
-            rung, solver, dtype, int(taken), setting, apart(value, rung.value), cost_model.seconds(system, solver, taken)
+            rung,
+            solver,
+            dtype,
+            int(taken),
+            setting,
+            apart(value, rung.value),
+            cost_model.seconds(system, solver, taken),
         )
 
     def run(self, system: System, start: State, **how) -> tuple[np.ndarray, float]:

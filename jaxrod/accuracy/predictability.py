@@ -6,15 +6,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int8
 
-from ..runs import arguments
-from ..mechanics import equilibria
 from ..core import validation
-from ..mechanics.chart import Local
 from ..core.linear_algebra import singular_values
-from ..motions.motion import Driven, State
 from ..core.result import Result
-from ..simulation import simulate
+from ..mechanics import equilibria
+from ..mechanics.chart import Local
 from ..mechanics.system import System
+from ..motions.motion import Driven, State
+from ..runs import arguments
+from ..simulation import simulate
 
 _TIMES = 1000  # at which the distance is looked at; between them its logarithm is taken as straight
 

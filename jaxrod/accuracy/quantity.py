@@ -9,11 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, validation
 from .. import continuum
+from ..core import calling, validation
+from ..mechanics.system import System
 from ..mechanics.vibration import natural_frequencies
 from ..rods.rod import Rod
-from ..mechanics.system import System
 
 
 class AbstractQuantity(eqx.Module):
@@ -140,7 +140,9 @@ class Measured(AbstractQuantity):
 
     def __init__(self, function: Callable[[Any], Any], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"):
         if isinstance(function, type) or not callable(function):
-            raise ValueError(f"Measured(function={validation.given(function)}) is not a function; give one of a solution.")
+            raise ValueError(
+                f"Measured(function={validation.given(function)}) is not a function; give one of a solution."
+            )
         for said, value in (("unit", unit), ("name", name)):
             if not isinstance(value, str):
                 raise ValueError(f"Measured({said}={validation.given(value)}) is not text; give a string such as 'm'.")

@@ -6,10 +6,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import continuum
-from ..motions.motion import State
-from .quantity import AbstractQuantity, Measured
-from ..rods.rod import Rod
 from ..mechanics.system import System
+from ..motions.motion import State
+from ..rods.rod import Rod
+from .quantity import AbstractQuantity, Measured
 
 _MODES = (8, 16, 32, 64, 128, 256)
 _MOST_STEPS = 2e5  # radians of the highest mode in a run: some seconds

@@ -6,12 +6,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..shapes.basis import AbstractBasis, QuasiStatic
 from ..core.validation import in_type
 from ..mechanics.equations import eigenvalues
-from .ladder import brought
-from ..motions.motion import State
 from ..mechanics.system import System
+from ..motions.motion import State
+from ..shapes.basis import AbstractBasis, QuasiStatic
+from .ladder import brought
 
 
 class Plan(eqx.Module):

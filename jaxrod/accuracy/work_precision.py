@@ -11,20 +11,20 @@ import jax.numpy as jnp
 import numpy as np
 from tqdm import tqdm
 
-from ..runs import arguments
 from ..core import validation
-from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..core.validation import in_type
-from .run_plan import named
-from ..runs.defaults import by_equal_steps, solvers
-from .ladder import brought, condensable, richer, rung
-from ..shapes.load_basis import LoadRitz
+from ..mechanics.system import System
 from ..motions.motion import State
+from ..rods.rod import Lumped
+from ..runs import arguments
+from ..runs.defaults import by_equal_steps, solvers
+from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
+from ..shapes.load_basis import LoadRitz
+from ..simulation import simulate
+from .ladder import brought, condensable, richer, rung
 from .quantity import as_quantity
 from .reference import exact_answer
-from ..rods.rod import Lumped
-from ..simulation import simulate
-from ..mechanics.system import System
+from .run_plan import named
 
 RUNGS: tuple[AbstractBasis, ...] = (
     Ritz(0), QuasiStatic(LoadRitz(2)), Ritz(1), ForceRitz(1), LoadRitz(2), Ritz(3), LoadRitz(4), LoadRitz(6),

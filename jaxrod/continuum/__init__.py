@@ -4,12 +4,12 @@ Its frequencies, its steady spin and, by `simulate`, its whole motion.  Shares n
 library it reads the rod, how it is held and what is prescribed.
 """
 
-from .compliance import Axial as Axial
-from .compliance import axial as axial
-from .compliance import support as support
 from .closed_forms import free_free as free_free
 from .closed_forms import held_free as held_free
 from .closed_forms import release as release
+from .compliance import Axial as Axial
+from .compliance import axial as axial
+from .compliance import support as support
 from .frequencies import critical_rate as critical_rate
 from .frequencies import natural_frequencies as natural_frequencies
 from .frequencies import spinning_frequencies as spinning_frequencies

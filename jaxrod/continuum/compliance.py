@@ -17,8 +17,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import validation
-from .mesh import Mesh, mesh, panel_ends, safe_sqrt
 from ..rods.rod import Lumped, Rod
+from .mesh import Mesh, mesh, panel_ends, safe_sqrt
 
 
 def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import validation, precision
+from ..core import precision, validation
 from ..core.linear_algebra import inverse_root, singular_values
 from ..rods.rod import Rod
 from ..shapes.stiffening import warn_of_forces

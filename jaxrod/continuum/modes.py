@@ -12,10 +12,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core.linear_algebra import svd
-from .mesh import panel_ends, safe_sqrt
 from ..core.quadrature import Panels
 from ..rods.rod import Rod
 from .compliance import axial
+from .mesh import panel_ends, safe_sqrt
 
 
 class Waves(eqx.Module):

@@ -19,9 +19,9 @@ from jaxtyping import Array, Float
 
 from .. import continuum
 from ..core.linear_algebra import singular_values, svd
-from .mesh import mesh, safe_sqrt
 from ..motions.motion import Driven
 from ..rods.rod import Rod
+from .mesh import mesh, safe_sqrt
 
 _NU = 0.5  # Poisson's ratio at its greatest, of rubber: the most that lateral inertia can do
 _ORDER = 24  # nodes for each panel

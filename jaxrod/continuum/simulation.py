@@ -16,17 +16,17 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, validation, precision, units
+from ..core import calling, precision, units, validation
+from ..core.result import Result
+from ..integrators.reversal import forward_refused, reversible
 from ..motions.force import TipForce
 from ..motions.motion import Driven, State, check_start
 from ..motions.preview import preview
-from ..core.result import Result
-from ..integrators.reversal import forward_refused, reversible
 from ..motions.stops import Stops, known_knots
 from .compliance import order_for, support
 from .dynamics import Dynamics
-from .solution import ContinuumSolution, Errors
 from .modes import Waves, waves
+from .solution import ContinuumSolution, Errors
 
 _LEAST = 1e-14  # tolerance that double precision still follows
 _STEPS = 10_000_000

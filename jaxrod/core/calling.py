@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Inexact
 
-from . import validation, units
+from . import units, validation
 
 # What JAX raises where a program asks for the value of a number that is only traced.
 _TRACED = (jax.errors.JAXTypeError, jax.errors.JAXIndexError)

@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from ..core import calling, validation, units
+from ..core import calling, units, validation
 from . import least_squares
 from .least_squares import BLIND, Parameters, Residuals
 

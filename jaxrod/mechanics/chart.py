@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from . import energy
-from .lagrangian import Phase
 from ..motions.motion import AbstractMotion, Driven, Flight, Placement, State, heading
 from ..shapes.projection import Projection
+from . import energy
+from .lagrangian import Phase
 
 
 class AbstractChart(eqx.Module):

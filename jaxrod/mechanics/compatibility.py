@@ -10,11 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import calling, validation
-from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from ..motions.force import AbstractForce, KelvinVoigt
 from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
-from ..shapes.projection import Projection
 from ..rods.rod import Lumped, Rod
+from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
+from ..shapes.projection import Projection
 
 _EXAMPLES = {"rod": "Rod(length, section, young, density)", "motion": "Rotation()", "basis": "Ritz(1)"}
 

@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from . import energy
-from .chart import AbstractChart
-from ..motions.force import AbstractForce
-from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
-from ..core.scalarize import depends_on_first
 from ..core.linear_algebra import eigvalsh
+from ..core.scalarize import depends_on_first
+from ..motions.force import AbstractForce
 from ..motions.motion import AbstractMotion, Placement, State
 from ..shapes.projection import Projection
+from . import energy
+from .chart import AbstractChart
+from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 
 
 class Scene(eqx.Module):

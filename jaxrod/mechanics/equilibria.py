@@ -10,10 +10,10 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..core import validation
-from ..shapes.basis import QuasiStatic
-from .chart import AbstractChart, Local, Strains
 from ..core.linear_algebra import one_by_one, pinv
 from ..motions.motion import Driven, Flight, State
+from ..shapes.basis import QuasiStatic
+from .chart import AbstractChart, Local, Strains
 from .system import System, check_system
 
 
@@ -54,7 +54,9 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
         raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
     if isinstance(system.motion, Driven):
         _, rate, acceleration = system.motion.turning(0.0)
-        if validation.fails(lambda rate, acceleration: np.abs(acceleration) <= 1e-9 * (1 + rate**2), rate, acceleration):
+        if validation.fails(
+            lambda rate, acceleration: np.abs(acceleration) <= 1e-9 * (1 + rate**2), rate, acceleration
+        ):
             raise ValueError(
                 f"motion=Driven() turns faster and faster, by {acceleration:.4g} rad/s^2: nothing is steady."
             )

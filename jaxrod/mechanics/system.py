@@ -8,23 +8,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import validation, units
-from . import energy
-from .splittings.free_rotation import Axial
-from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
-from .chart import AbstractChart, Embedded, Strains
-from .equations import Condensed, Moving, Scene
-from .compatibility import check_parts
-from .splittings.uniform_strain import Flat
+from ..core import units, validation
 from ..motions.force import AbstractForce
-from .lagrangian import Lagrangian
 from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
-from .splittings.driven_rotation import Prescribed
-from ..shapes.projection import Projection
-from ..rods.rod import Lumped, Rod
 from ..motions.signal import signals
-from .splittings.common import AbstractSplit
+from ..rods.rod import Lumped, Rod
+from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
+from ..shapes.projection import Projection
+from . import energy
+from .chart import AbstractChart, Embedded, Strains
+from .compatibility import check_parts
+from .equations import Condensed, Moving, Scene
 from .initial_state import started
+from .lagrangian import Lagrangian
+from .splittings.common import AbstractSplit
+from .splittings.driven_rotation import Prescribed
+from .splittings.free_rotation import Axial
+from .splittings.uniform_strain import Flat
 
 
 class System(eqx.Module):
@@ -240,7 +240,9 @@ class System(eqx.Module):
     def check_chart(self, chart: AbstractChart) -> None:
         """Refuse, by `ValueError`, coordinates that this scene does not have."""
         if not isinstance(chart, AbstractChart):
-            raise ValueError(f"chart={validation.given(chart)} is not a chart; give one, such as Angles() or Director().")
+            raise ValueError(
+                f"chart={validation.given(chart)} is not a chart; give one, such as Angles() or Director()."
+            )
         if isinstance(chart, Strains) != isinstance(self.motion, Driven):
             raise ValueError(
                 f"chart={validation.given(chart)} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take "

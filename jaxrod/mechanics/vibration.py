@@ -9,14 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Complex, Float
 
-from ..core import validation, precision, eigen
 from .. import continuum
+from ..core import eigen, precision, validation
+from ..motions.motion import State
+from ..rods.rod import Rod
+from ..shapes.projection import Projection
+from ..shapes.stiffening import warn_of_forces
 from . import equilibria
 from .chart import Local
-from ..motions.motion import State
-from ..shapes.projection import Projection
-from ..rods.rod import Rod
-from ..shapes.stiffening import warn_of_forces
 from .system import System, check_state, check_system
 
 _THICK = 0.01  # relative error of the first frequency that is worth a warning

@@ -19,10 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import calling, validation, units
+from ..core import calling, units, validation
 from ..core.scalarize import depends_on_first
-from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from ..shapes.projection import Projection
+from .motion import AbstractMotion, AbstractPivoted, Placement, State
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 _BESIDE = 0.1  # of every number of a state: one that is at rest nowhere
@@ -380,7 +380,9 @@ def _try_damping(name: str, unit: str, strength: Any, t, state: State) -> None:
         with jax.ensure_compile_time_eval():
             damping = strength(t, state)
         if validation.fails(lambda damping: damping >= 0, damping):
-            raise ValueError(f"{name} returned {validation.shown(damping)} at t=0; give a function (t, state) -> {wanted}.")
+            raise ValueError(
+                f"{name} returned {validation.shown(damping)} at t=0; give a function (t, state) -> {wanted}."
+            )
 
 
 def _is_looked_at(given: Any) -> bool:

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import calling, validation, units
+from ..core import calling, units, validation
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 
@@ -264,7 +264,9 @@ def check_start(motion: AbstractMotion, n: int, start: State) -> None:
 def check_shapes(motion: AbstractMotion, n: int, start: Any, name: str) -> None:
     """**Raises:** `ValueError` for a state with other shapes than a scene with this motion and n strain shapes has."""
     if not isinstance(start, State) or not all(x is None or hasattr(x, "shape") for x in vars(start).values()):
-        raise ValueError(f"{name}={validation.given(start)} is not a state; make it by system.state(angle=..., rate=...).")
+        raise ValueError(
+            f"{name}={validation.given(start)} is not a state; make it by system.state(angle=..., rate=...)."
+        )
     dimension, flight = motion.dimension, isinstance(motion, Flight)
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(

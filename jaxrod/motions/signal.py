@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import validation, units
+from ..core import units, validation
 from ..core.scalarize import Undivided
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken

@@ -9,8 +9,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..core import validation
-from .preview import Preview
 from ..mechanics.system import System
+from .preview import Preview
 
 _BESIDE = 1e-11  # of a run's length, below which a knot counts as a save time
 

@@ -11,15 +11,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .. import continuum, plot
-from . import figure_2
 from ..mechanics import vibration
-from ..shapes.basis import Ritz
+from ..mechanics.system import System
 from ..motions.motion import Flight, Rotation, State
 from ..rods.rod import Lumped, Rod
 from ..rods.section import Cone
-from ..simulation import simulate
 from ..runs.solution import Solution
-from ..mechanics.system import System
+from ..shapes.basis import Ritz
+from ..simulation import simulate
+from . import figure_2
 
 _INNER = slice(figure_2.SAMPLES // 10, -figure_2.SAMPLES // 10)  # where bands do not ring from the ends
 _SPLIT = 12.0  # Hz, between the turns (2.3 Hz and its harmonics) and the strain oscillation (23 Hz)

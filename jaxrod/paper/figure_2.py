@@ -10,14 +10,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..shapes.basis import Ritz
 from ..continuum.neglected import model_limits
+from ..mechanics.system import System, check_system
 from ..motions.motion import Rotation
 from ..rods.rod import Lumped, Rod
 from ..rods.section import Cone
-from ..simulation import simulate
 from ..runs.solution import Solution
-from ..mechanics.system import System, check_system
+from ..shapes.basis import Ritz
+from ..simulation import simulate
 
 # Figure 2: a rubber rod turning about a horizontal axis through its thin end.  psi(0) and eps(0) are not printed; 0 is
 # the natural reading.

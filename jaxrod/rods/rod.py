@@ -15,11 +15,11 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import calling, validation
+from ..core.quadrature import Panels
+from ..core.tracing import deciding
 from . import plausibility
 from .law import hooke
 from .looking import check_positive, look_along, stands
-from ..core.tracing import deciding
-from ..core.quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
 
@@ -117,7 +117,9 @@ class Rod(eqx.Module):
         s, area, modulus, density, covers = _profiles(self)
         if validation.fails(lambda covers: covers, covers):
             positions = validation.shown(getattr(self.section, "positions", ()))
-            raise ValueError(f"Table(positions={positions}) must reach from 0 to length={validation.shown(self.length)} m.")
+            raise ValueError(
+                f"Table(positions={positions}) must reach from 0 to length={validation.shown(self.length)} m."
+            )
         if all(map(validation.known, (s, area, modulus, density, self.length))):
             check_positive(s, area, modulus, density, self.length)
             s, area, modulus, density = (np.asarray(x, float) for x in (s, area, modulus, density))
@@ -383,7 +385,9 @@ class Lumped(eqx.Module):
     def __init__(self, inertia, first_moment, stiffness, length):
         self.inertia = validation.positive("inertia", inertia, "kg m^2")
         self.first_moment = validation.number("first_moment", first_moment, unit="kg m")
-        self.stiffness = validation.positive("stiffness", stiffness, "N m", "N m (spring constant times length squared)")
+        self.stiffness = validation.positive(
+            "stiffness", stiffness, "N m", "N m (spring constant times length squared)"
+        )
         self.length = validation.positive("length", length, "m")
 
     def valid(self) -> Array:

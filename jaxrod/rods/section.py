@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, validation, units
+from ..core import calling, units, validation
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _ROUND = 1e-6  # of the length: what a table may be short of the rod

@@ -11,23 +11,23 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .. import continuum
-from ..shapes.basis import QuasiStatic
+from ..core.linear_algebra import mappable
+from ..core.result import Result
+from ..integrators.compensation import Tracked, Tracking
+from ..integrators.reversal import ONCE, forward_refused, reversible
+from ..integrators.symplectic import AbstractSymplectic, SplitTerm
 from ..mechanics.chart import AbstractChart
-from .defaults import default_chart
 from ..mechanics.equations import Condensed, Moving, critical_square, eigenvalues
 from ..mechanics.lagrangian import Lagrangian, Phase
-from ..core.linear_algebra import mappable
+from ..mechanics.system import System
 from ..motions.motion import Driven, Flight, State
 from ..motions.preview import preview
-from ..shapes.projection import Projection
-from ..core.result import Result
-from ..integrators.reversal import ONCE, forward_refused, reversible
-from ..rods.rod import Rod
-from .solution import Solution
 from ..motions.stops import Stops, since
-from ..integrators.symplectic import AbstractSymplectic, SplitTerm
-from ..mechanics.system import System
-from ..integrators.compensation import Tracked, Tracking
+from ..rods.rod import Rod
+from ..shapes.basis import QuasiStatic
+from ..shapes.projection import Projection
+from .defaults import default_chart
+from .solution import Solution
 
 _COLLAPSED = -1 + 1e-6
 _DIVERGED = 1e6

@@ -8,18 +8,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, validation, precision, units
 from .. import configuration
+from ..core import calling, precision, units, validation
+from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from ..mechanics.chart import AbstractChart
 from ..mechanics.lagrangian import Lagrangian
-from ..motions.motion import Driven, State, check_start
 from ..mechanics.splittings.multistep import AbstractMultistep
-from ..rods.rod import Rod
-from .fixed_steps import LEAST_TOLERANCE
-from ..motions.stops import known_knots, since
-from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from ..mechanics.system import System
 from ..mechanics.system import check_system as check_is_system
+from ..motions.motion import Driven, State, check_start
+from ..motions.stops import known_knots, since
+from ..rods.rod import Rod
+from .fixed_steps import LEAST_TOLERANCE
 
 _DEFAULT_TOLERANCE = {"float64": 1e-8, "float32": 1e-4}
 
@@ -32,7 +32,9 @@ def check_scene(system: Any, start: Any, chart: Any = None) -> None:
     pair = isinstance(start, tuple | list) and len(start) == 2
     if not (isinstance(start, State) if isinstance(system, System) else pair):
         needed = "a state, made by system.state(angle=..., rate=...)" if isinstance(system, System) else "a pair (q, v)"
-        raise ValueError(f"start={validation.given(start)} does not fit; this system starts from {needed}, so give that.")
+        raise ValueError(
+            f"start={validation.given(start)} does not fit; this system starts from {needed}, so give that."
+        )
     if isinstance(system, Lagrangian):
         system.check(calling.like(), *start)
     if chart is not None and not (isinstance(chart, AbstractChart) and isinstance(system, System)):
@@ -62,7 +64,9 @@ def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize
         others = dict.fromkeys(("terms", "solver", "t0", "t1", "dt0", "saveat", "stepsize_controller", "max_steps"))
         for condition in jax.tree.leaves(event.cond_fn, is_leaf=callable):
             if not callable(condition):
-                raise ValueError(f"event={validation.given(condition)} is not a condition; give diffrax.Event(function).")
+                raise ValueError(
+                    f"event={validation.given(condition)} is not a condition; give diffrax.Event(function)."
+                )
             checked = jax.tree_util.Partial(condition, **others)
             calling.tried("event", "(t, state, args, **kwargs) -> one number", checked, t, start, None, shapes=[()])
 
@@ -140,12 +144,16 @@ def times(ts, t1, t0, saveat, dtype, by_the_clock: bool = False) -> Times:
     zero = validation.number("t0", t0)
     inner = None if saveat is None else saveat.subs.ts
     if inner is not None and validation.fails(lambda ts, t0, t1: (ts >= t0) & (ts <= t1), inner, t0, t1):
-        raise ValueError(f"saveat.ts={validation.shown(inner)} must lie between t0={validation.shown(zero)} and t1={t1}.")
+        raise ValueError(
+            f"saveat.ts={validation.shown(inner)} must lie between t0={validation.shown(zero)} and t1={t1}."
+        )
     if ts is None:
         validation.number("t1", t1)
         end = since(t0, t1)
         if validation.fails(lambda passed: passed > 0, end):
-            raise ValueError(f"t1={validation.shown(t1)} does not lie after t0={validation.shown(zero)}; give a later t1=.")
+            raise ValueError(
+                f"t1={validation.shown(t1)} does not lie after t0={validation.shown(zero)}; give a later t1=."
+            )
         saved = None
     else:
         validation.numbers("ts", ts, "times in s")
@@ -195,7 +203,9 @@ def checked_tolerance(tolerance, dtype, scene: tuple) -> Float[Array, ""]:
         tolerance = _DEFAULT_TOLERANCE[name]
     tolerance = validation.positive("tolerance", tolerance, "", "relative error of the tip's position")
     if validation.fails(lambda tolerance: tolerance < 1, tolerance):
-        raise ValueError(f"tolerance={validation.shown(tolerance)} is a relative error of 1 or more; give a smaller one.")
+        raise ValueError(
+            f"tolerance={validation.shown(tolerance)} is a relative error of 1 or more; give a smaller one."
+        )
     if validation.fails(lambda tolerance: tolerance >= LEAST_TOLERANCE[name], tolerance):
         other = precision.remedy(*scene) if name == "float32" else "take a larger one"
         raise ValueError(
@@ -206,7 +216,9 @@ def checked_tolerance(tolerance, dtype, scene: tuple) -> Float[Array, ""]:
 
 def check_steps(solver, stepsize_controller, dt0, n_steps, plain: bool) -> None:
     if not isinstance(solver, diffrax.AbstractSolver | AbstractMultistep):
-        raise ValueError(f"solver={validation.given(solver)} is not a solver; give an instance, such as diffrax.Tsit5().")
+        raise ValueError(
+            f"solver={validation.given(solver)} is not a solver; give an instance, such as diffrax.Tsit5()."
+        )
     if dt0 is not None:
         validation.positive("dt0", dt0, "s", "seconds")
     if n_steps is not None:

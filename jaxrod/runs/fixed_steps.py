@@ -9,23 +9,23 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..core.linear_algebra import eigvalsh
+from ..core.result import Result
+from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
+from ..integrators.reversal import forward_refused
+from ..integrators.symplectic import ABA864, AbstractSymplectic
 from ..mechanics.energy import gravity_pivoted, kinetic_director
 from ..mechanics.equations import eigenvalues
-from ..mechanics.splittings.uniform_strain import Flat
-from .invariants import energy_change, is_closed, over, with_start
-from ..core.linear_algebra import eigvalsh
-from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
-from ..motions.motion import Driven, Flight, State
-from ..mechanics.splittings.multistep import AbstractMultistep, Remembered
-from ..motions.preview import INSTANTS, Preview, preview
-from ..core.result import Result
-from ..integrators.reversal import forward_refused
-from .solution import Solution
 from ..mechanics.splittings.common import AbstractStepped
-from ..motions.stops import Stops
-from ..integrators.symplectic import ABA864, AbstractSymplectic
-from ..mechanics.system import System
+from ..mechanics.splittings.multistep import AbstractMultistep, Remembered
+from ..mechanics.splittings.uniform_strain import Flat
 from ..mechanics.splittings.unsplit import Unrolled, Whole
+from ..mechanics.system import System
+from ..motions.motion import Driven, Flight, State
+from ..motions.preview import INSTANTS, Preview, preview
+from ..motions.stops import Stops
+from .invariants import energy_change, is_closed, over, with_start
+from .solution import Solution
 
 LEAST_TOLERANCE = {"float64": 1e-12, "float32": 1e-5}  # that a type reaches
 _FINEST = 0.3  # phase of the fastest motion in a step of `BlanesMoan6` at tolerance 1e-8, and that of `ABA864` at ...

@@ -6,9 +6,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..mechanics import energy
-from ..shapes.basis import QuasiStatic
-from ..motions.motion import Driven, Flight, State
 from ..mechanics.system import System
+from ..motions.motion import Driven, Flight, State
+from ..shapes.basis import QuasiStatic
 
 
 class Ledger(eqx.Module):

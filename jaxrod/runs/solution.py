@@ -9,16 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
-from ..core import validation
 from .. import configuration
+from ..continuum.neglected import model_limits
+from ..core import validation
+from ..core.result import Result
 from ..mechanics.chart import Director, Strains
 from ..mechanics.lagrangian import Lagrangian
-from .invariants import Ledger, account
-from ..continuum.neglected import model_limits
-from ..motions.motion import Driven, State
-from ..core.result import Result
-from ..rods.rod import Rod
 from ..mechanics.system import System
+from ..motions.motion import Driven, State
+from ..rods.rod import Rod
+from .invariants import Ledger, account
 
 _SLOW_TURNING = 5  # bending frequency over turns a second above which a rod stays straight enough
 _SMALL_ERROR = 0.01

@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import validation
-from .projection import Projection, inverse_root, lumped
 from ..core.quadrature import Panels, legendre, local
 from ..rods.rod import Lumped, Rod
+from .projection import Projection, inverse_root, lumped
 
 
 class AbstractBasis(eqx.Module):

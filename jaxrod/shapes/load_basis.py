@@ -4,9 +4,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from .basis import AbstractShapes, lumped_mass, orthonormal, until
 from ..core.quadrature import Panels
 from ..rods.rod import Rod
+from .basis import AbstractShapes, lumped_mass, orthonormal, until
 
 _NOTHING = 1e8  # energies of a shape, after over before it was made orthogonal, in squares of rounding
 

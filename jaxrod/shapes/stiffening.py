@@ -9,9 +9,9 @@ import jax
 import jax.numpy as jnp
 
 from ..core import validation
-from .basis import Ritz
 from ..core.scalarize import depends_on_first
 from ..motions.motion import State
+from .basis import Ritz
 
 _LEAST = 1e-9  # stiffness of the forces, over that of the rod, that is worth a warning
 

@@ -19,10 +19,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..equations import Scene
 from ...core.scalarize import Numbers, by_number
 from ...motions.motion import Flight, Rotation, State
 from ...shapes.projection import Projection
+from ..equations import Scene
 
 LONGEST_TURN = math.pi / 4  # rad in a step: beyond it the rod is not seen to turn
 

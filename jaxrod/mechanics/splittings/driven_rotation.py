@@ -7,12 +7,12 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..chart import Strains
-from ..equations import Moving, Scene
 from ...core.scalarize import by_number, gathered, scattered
 from ...motions.motion import State
-from .normal_modes import AbstractOscillating, AxialModes, back
+from ..chart import Strains
+from ..equations import Moving, Scene
 from .common import LONGEST_TURN, Split, watched
+from .normal_modes import AbstractOscillating, AxialModes, back
 
 
 class Prescribed(AbstractOscillating):

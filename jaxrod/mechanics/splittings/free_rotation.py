@@ -6,12 +6,12 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from .. import energy
-from ..equations import Scene
 from ...core.scalarize import Numbers, by_number, gathered, scattered
 from ...motions.motion import Placement, State
-from .normal_modes import AbstractOscillating, AxialModes, back
+from .. import energy
+from ..equations import Scene
 from .common import Center, Split, held, watched, with_center
+from .normal_modes import AbstractOscillating, AxialModes, back
 
 _SERIES = 7  # terms of versine and sine: exact to rounding for turnings up to half a radian
 

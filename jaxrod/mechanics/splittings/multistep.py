@@ -18,10 +18,10 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from .uniform_strain import Flat
 from ...core.scalarize import Numbers
-from .common import AbstractStepped, Split
 from ...integrators.symplectic import BlanesMoan6
+from .common import AbstractStepped, Split
+from .uniform_strain import Flat
 
 _STARTER, _SUBSTEPS = BlanesMoan6(), 2  # in a step back
 

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...core import validation
+from ...core.eigen import eigh
 from ...core.scalarize import Numbers
 from ...motions.motion import State
 from ...shapes.projection import Projection
-from ...core.eigen import eigh
 from .common import AbstractSplit, Split, Stage, least, lowest, per_inertia
 
 

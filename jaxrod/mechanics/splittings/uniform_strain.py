@@ -6,11 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
+from ...core.scalarize import Numbers, by_number, gathered, scattered
+from ...motions.motion import State
 from .. import energy
 from ..chart import Embedded
 from ..equations import Moving, Scene
-from ...core.scalarize import Numbers, by_number, gathered, scattered
-from ...motions.motion import State
 from .common import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
 
 

@@ -7,12 +7,12 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ...core import validation
-from ..chart import Director, Embedded, Strains
-from ..equations import Condensed, Moving, eigenvalues
 from ...core.scalarize import by_number, gathered, scattered
 from ...motions.motion import Driven
-from .common import AbstractStepped, Split, least, lowest, watched
+from ..chart import Director, Embedded, Strains
+from ..equations import Condensed, Moving, eigenvalues
 from ..system import System
+from .common import AbstractStepped, Split, least, lowest, watched
 
 
 class Unrolled(diffrax.AbstractSolver):
