@@ -24,6 +24,9 @@ from .ensemble import sweep as sweep
 from .identification.fitting import Fit as Fit
 from .identification.fitting import Positive as Positive
 from .identification.fitting import fit as fit
+from .integrators.multistep import QuinlanTremaine10 as QuinlanTremaine10
+from .integrators.multistep import QuinlanTremaine12 as QuinlanTremaine12
+from .integrators.runge_kutta import Unrolled as Unrolled
 from .integrators.symplectic import ABA864 as ABA864
 from .integrators.symplectic import BlanesMoan4 as BlanesMoan4
 from .integrators.symplectic import BlanesMoan6 as BlanesMoan6
@@ -36,9 +39,6 @@ from .mechanics.chart import Local as Local
 from .mechanics.chart import Strains as Strains
 from .mechanics.equilibria import equilibrium as equilibrium
 from .mechanics.lagrangian import Lagrangian as Lagrangian
-from .mechanics.splittings.multistep import QuinlanTremaine10 as QuinlanTremaine10
-from .mechanics.splittings.multistep import QuinlanTremaine12 as QuinlanTremaine12
-from .mechanics.splittings.unsplit import Unrolled as Unrolled
 from .mechanics.system import System as System
 from .mechanics.vibration import Modes as Modes
 from .mechanics.vibration import critical_rate as critical_rate

@@ -26,12 +26,12 @@ from .accuracy.run_plan import Plan
 from .core import precision, units, validation
 from .core.result import Result, SimulationError
 from .core.validation import in_type
+from .integrators.multistep import AbstractMultistep
 from .integrators.reversal import reversible
+from .integrators.runge_kutta import Unrolled
 from .integrators.symplectic import AbstractSymplectic
 from .mechanics.chart import AbstractChart
 from .mechanics.lagrangian import Lagrangian, Phase
-from .mechanics.splittings.multistep import AbstractMultistep
-from .mechanics.splittings.unsplit import Unrolled
 from .mechanics.system import System
 from .motions.motion import State, check_start
 from .rods import plausibility

@@ -10,8 +10,8 @@ import pytest
 
 import jaxrod
 from jaxrod.core.scalarize import gathered, scattered
+from jaxrod.integrators.splitting import Split
 from jaxrod.integrators.symplectic import single_step
-from jaxrod.mechanics.splittings.common import Split
 from jaxrod.mechanics.splittings.driven_rotation import Prescribed
 from jaxrod.mechanics.splittings.free_rotation import Axial
 from jaxrod.mechanics.splittings.uniform_strain import Flat

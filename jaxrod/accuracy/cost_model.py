@@ -9,8 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import validation
+from ..integrators.multistep import AbstractMultistep
 from ..integrators.symplectic import AbstractSymplectic
-from ..mechanics.splittings.multistep import AbstractMultistep
 from ..mechanics.system import System
 from ..motions.motion import Driven
 from ..shapes.basis import QuasiStatic

@@ -12,8 +12,8 @@ from jaxtyping import Array, Float
 
 from ..core import precision, validation
 from ..core.linear_algebra import inverse_root, singular_values
+from ..motions.stiffening import warn_of_forces
 from ..rods.rod import Rod
-from ..shapes.stiffening import warn_of_forces
 from .compliance import Axial, axial, linear_support, order_for, support
 
 _MOST = 2000  # frequencies of a rod: they take half a minute, and four times as long for each doubling

@@ -7,14 +7,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..mechanics.lagrangian import Phase
-
 
 class Tracked(NamedTuple):
     """A phase; what rounding cut off it; full turns made.  None stands for what is not tracked."""
 
-    phase: Any  # Phase
-    remainder: Any  # Phase or None
+    phase: Any  # a pytree with coordinates q
+    remainder: Any  # likewise, or None
     turns: Any  # scalar or None
 
 
@@ -110,7 +108,7 @@ class _Shifted(diffrax.AbstractTerm):
     """A term for the increment over `base`."""
 
     term: diffrax.AbstractTerm
-    base: Phase
+    base: Any
 
     def vf(self, t, y, args):
         return self.term.vf(t, jax.tree.map(jnp.add, self.base, y), args)

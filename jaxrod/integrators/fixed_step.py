@@ -14,9 +14,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..mechanics.splittings.common import AbstractSplit, AbstractStepped, Split
 from .compensation import passed
 from .reversal import ONCE, reversible
+from .splitting import AbstractSplit, AbstractStepped, Split
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..mechanics.splittings.common import AbstractSplit, Stage
+from .splitting import AbstractSplit, Stage
 
 
 class SplitTerm(diffrax.AbstractTerm):

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import units, validation
+from ..integrators.splitting import AbstractSplit
 from ..motions.force import AbstractForce
 from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
 from ..motions.signal import signals
@@ -21,7 +22,6 @@ from .compatibility import check_parts
 from .equations import Condensed, Moving, Scene
 from .initial_state import started
 from .lagrangian import Lagrangian
-from .splittings.common import AbstractSplit
 from .splittings.driven_rotation import Prescribed
 from .splittings.free_rotation import Axial
 from .splittings.uniform_strain import Flat

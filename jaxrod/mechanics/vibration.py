@@ -12,9 +12,9 @@ from jaxtyping import Array, Complex, Float
 from .. import continuum
 from ..core import eigen, precision, validation
 from ..motions.motion import State
+from ..motions.stiffening import warn_of_forces
 from ..rods.rod import Rod
 from ..shapes.projection import Projection
-from ..shapes.stiffening import warn_of_forces
 from . import equilibria
 from .chart import Local
 from .system import System, check_state, check_system

@@ -10,10 +10,10 @@ from jaxtyping import Array, Float
 
 from .. import configuration
 from ..core import calling, precision, units, validation
+from ..integrators.multistep import AbstractMultistep
 from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from ..mechanics.chart import AbstractChart
 from ..mechanics.lagrangian import Lagrangian
-from ..mechanics.splittings.multistep import AbstractMultistep
 from ..mechanics.system import System
 from ..mechanics.system import check_system as check_is_system
 from ..motions.motion import Driven, State, check_start

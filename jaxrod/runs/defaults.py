@@ -6,10 +6,10 @@ import diffrax
 import jax.numpy as jnp
 
 from ..core import validation
+from ..integrators.multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
 from ..mechanics.chart import AbstractChart, Angles, Director, Embedded, Strains
 from ..mechanics.lagrangian import Lagrangian
-from ..mechanics.splittings.multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from ..mechanics.system import System, check_system
 from ..motions.motion import Driven
 

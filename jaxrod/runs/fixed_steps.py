@@ -12,14 +12,16 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core.linear_algebra import eigvalsh
 from ..core.result import Result
 from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
+from ..integrators.multistep import AbstractMultistep
 from ..integrators.reversal import forward_refused
+from ..integrators.runge_kutta import Unrolled
+from ..integrators.splitting import AbstractStepped
 from ..integrators.symplectic import ABA864, AbstractSymplectic
 from ..mechanics.energy import gravity_pivoted, kinetic_director
 from ..mechanics.equations import eigenvalues
-from ..mechanics.splittings.common import AbstractStepped
-from ..mechanics.splittings.multistep import AbstractMultistep, Remembered
+from ..mechanics.splittings.multistep import Remembered
 from ..mechanics.splittings.uniform_strain import Flat
-from ..mechanics.splittings.unsplit import Unrolled, Whole
+from ..mechanics.splittings.unsplit import Whole
 from ..mechanics.system import System
 from ..motions.motion import Driven, Flight, State
 from ..motions.preview import INSTANTS, Preview, preview

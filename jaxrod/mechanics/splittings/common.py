@@ -8,11 +8,10 @@ Everything is per unit of the moment of inertia at rest, and number by number (`
 which become vectors of lanes under `vmap`.
 """
 
-import abc
 import functools
 import math
-from collections.abc import Callable, Iterable
-from typing import Any, ClassVar, NamedTuple
+from collections.abc import Iterable
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -25,121 +24,6 @@ from ...shapes.projection import Projection
 from ..equations import Scene
 
 LONGEST_TURN = math.pi / 4  # rad in a step: beyond it the rod is not seen to turn
-
-
-class Split(NamedTuple):
-    """What moves: q and its momentum p; where q is the director alone the strain and its momentum; `Numbers` all.
-
-    `turning`: int 1/J dt by which the director is behind.
-    """
-
-    q: Any
-    p: Any
-    strain: Any = None
-    strain_momentum: Any = None
-    turning: Any = None
-
-
-class Stage(NamedTuple):
-    """Fractions of a step: the time passed, the kick then in two parts, and the drift after it.
-
-    `before` is the second half of a first-order step and `after` the first half of another, backwards: a kick of parts that
-    do not commute goes through them in one order for the one, in the other for the other (McLachlan 1995).
-    """
-
-    passed: Any
-    before: Any
-    after: Any
-    drift: Any
-
-    @property
-    def kick(self):
-        """The whole kick."""
-        return self.before + self.after
-
-
-class AbstractStepped(eqx.Module):
-    """A scene that goes by equal steps."""
-
-    has_past: ClassVar[bool] = False  # whether its phase remembers, while it is opened, where it was steps before
-
-    @abc.abstractmethod
-    def encode(self, state: State) -> Split:
-        """The numbers of a state."""
-
-    @abc.abstractmethod
-    def decode(self, t, y: Split, turns) -> State:
-        """The state at time t."""
-
-    @abc.abstractmethod
-    def table(self, scheme, h) -> Any:
-        """What is known of steps of size h by `scheme`, once for all of them; it carries no derivative."""
-
-    @abc.abstractmethod
-    def step(self, scheme, table, t, h, y: Any) -> Any:
-        """One step from time t, between phases as `opened` makes them."""
-
-    def opened(self, scheme, table, t, h, y: Split) -> Any:
-        """The phase that steps of size h begin with at time t."""
-        del scheme, table, t, h
-        return y
-
-    def closed(self, scheme, table, t, h, y: Any) -> Split:
-        """Undoes `opened`."""
-        del scheme, table, t, h
-        return y
-
-    def longest_step(self, scheme, ts: Float[Array, " T"]) -> Any:
-        """The step in s beyond which the method is unstable or cannot see the motion, in a run that saves at `ts`.
-
-        inf where no closed form says so: then only the motion itself shows it.
-        """
-        del scheme, ts
-        return jnp.inf
-
-    def whole_step(self, scheme, table, t, h, y: Split) -> Split:
-        """A step from y to y."""
-        y = self.step(scheme, table, t, h, self.opened(scheme, table, t, h, y))
-        return self.closed(scheme, table, t + h, h, y)
-
-    def steps_at_once(self, scheme) -> int:
-        """How many steps are written out one after the other, and stopped together."""
-        del scheme
-        return 1
-
-    def heading(self, y: Any) -> Any:
-        """Coordinates along the director, whose turns are to be counted; None if there are none."""
-        return y.q
-
-    @abc.abstractmethod
-    def lowest_strain(self, phases: list) -> Float[Array, ""]:
-        """The least strain along the rod in any of them."""
-
-
-class AbstractSplit(AbstractStepped):
-    """A scene as drift and kick: its steps are stages that can be undone one by one."""
-
-    @abc.abstractmethod
-    def stage(self, stage: Stage, known, t, h, y: Split) -> Split:
-        """A kick and the drift to the next one, in a step of size h from time t; `known` is the table's row."""
-
-    @abc.abstractmethod
-    def undone(self, stage: Stage, known, t, h, y: Split) -> Split:
-        """The settled y before that stage."""
-
-    def settled(self, y: Split) -> Split:
-        """The same phase, in its one form that leaves nothing to be done."""
-        return y
-
-    @abc.abstractmethod
-    def through(self, scheme, table, visit: Callable, carry, backwards: bool = False) -> Any:
-        """The carry after `visit(carry, stage, known)` at each stage of a step."""
-
-    def step(self, scheme, table, t, h, y):
-        def ahead(y, stage, known):
-            return self.stage(stage, known, t, h, y)
-
-        return self.through(scheme, table, ahead, y)
 
 
 class Center(eqx.Module):

@@ -8,10 +8,11 @@ import jax
 import jax.numpy as jnp
 
 from ...core.scalarize import by_number, gathered, scattered
+from ...integrators.splitting import Split
 from ...motions.motion import State
 from ..chart import Strains
 from ..equations import Moving, Scene
-from .common import LONGEST_TURN, Split, watched
+from .common import LONGEST_TURN, watched
 from .normal_modes import AbstractOscillating, AxialModes, back
 
 

@@ -7,10 +7,11 @@ import jax
 import jax.numpy as jnp
 
 from ...core.scalarize import Numbers, by_number, gathered, scattered
+from ...integrators.splitting import Split
 from ...motions.motion import Placement, State
 from .. import energy
 from ..equations import Scene
-from .common import Center, Split, held, watched, with_center
+from .common import Center, held, watched, with_center
 from .normal_modes import AbstractOscillating, AxialModes, back
 
 _SERIES = 7  # terms of versine and sine: exact to rounding for turnings up to half a radian

@@ -11,9 +11,10 @@ from jaxtyping import Array, Float
 from ...core import validation
 from ...core.eigen import eigh
 from ...core.scalarize import Numbers
+from ...integrators.splitting import AbstractSplit, Split, Stage
 from ...motions.motion import State
 from ...shapes.projection import Projection
-from .common import AbstractSplit, Split, Stage, least, lowest, per_inertia
+from .common import least, lowest, per_inertia
 
 
 class AxialModes(eqx.Module):

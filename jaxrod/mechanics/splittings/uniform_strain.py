@@ -7,11 +7,12 @@ import jax
 import jax.numpy as jnp
 
 from ...core.scalarize import Numbers, by_number, gathered, scattered
+from ...integrators.splitting import AbstractSplit, Split
 from ...motions.motion import State
 from .. import energy
 from ..chart import Embedded
 from ..equations import Moving, Scene
-from .common import AbstractSplit, Center, Split, held, least, per_inertia, with_center, without_center
+from .common import Center, held, least, per_inertia, with_center, without_center
 
 
 class Flat(AbstractSplit):

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 
 from ..core import validation
 from ..core.scalarize import depends_on_first
-from ..motions.motion import State
-from .basis import Ritz
+from ..shapes.basis import Ritz
+from .motion import State
 
 _LEAST = 1e-9  # stiffness of the forces, over that of the rod, that is worth a warning
 
