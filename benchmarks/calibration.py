@@ -25,7 +25,7 @@ import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
 from jaxrod.accuracy import cost_model  # noqa: E402
-from jaxrod.core.validation import in_type  # noqa: E402
+from jaxrod.core.precision import in_type  # noqa: E402
 
 LANES, REPEATS = 64, 9
 MANY, FEW_STEPS = 1024, (50, 250)

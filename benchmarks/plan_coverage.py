@@ -39,7 +39,7 @@ from tqdm import tqdm  # noqa: E402
 from jaxrod.accuracy import cost_model  # noqa: E402
 from jaxrod.accuracy.ladder import on_rung  # noqa: E402
 from jaxrod.accuracy.reference import apart  # noqa: E402
-from jaxrod.core.validation import in_type  # noqa: E402
+from jaxrod.core.precision import in_type  # noqa: E402
 from jaxrod.runs.defaults import solvers  # noqa: E402
 
 TOLERANCES = (1e-2, 1e-4, 1e-6)

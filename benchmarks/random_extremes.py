@@ -32,7 +32,7 @@ import numpy as np  # noqa: E402
 import report  # noqa: E402
 
 from jaxrod import Result  # noqa: E402
-from jaxrod.core.validation import in_type  # noqa: E402
+from jaxrod.core.precision import in_type  # noqa: E402
 
 PAGE = pathlib.Path(__file__).parent.parent / "docs" / "extremes.md"
 DENSITY = 1000.0

@@ -55,13 +55,13 @@ from .motions.motion import Driven as Driven
 from .motions.motion import Flight as Flight
 from .motions.motion import Rotation as Rotation
 from .motions.motion import Spherical as Spherical
-from .motions.motion import State as State
 from .motions.signal import Impulse as Impulse
 from .motions.signal import Record as Record
+from .motions.state import State as State
 from .paper import claims as claims
 from .paper import figure_2 as figure_2
 from .rods import law as law
-from .rods.rod import Lumped as Lumped
+from .rods.lumped import Lumped as Lumped
 from .rods.rod import Rod as Rod
 from .rods.section import Cone as Cone
 from .rods.section import Profile as Profile

@@ -19,7 +19,7 @@ from jaxtyping import Array, PyTree
 from tqdm import tqdm
 
 from . import configuration
-from .core import calling, validation
+from .core import calling, tracing, validation
 from .core.result import Result
 
 _LANES = 64  # of every program: eight of the widest registers, which is what hides their latency
@@ -75,7 +75,7 @@ def sweep(
     if isinstance(block, bool) or not isinstance(block, int | np.integer) or block < 1:
         raise ValueError(f"block={validation.given(block)} must be a positive whole number of scenes.")
     validation.optional_switch("progress", progress)
-    if validation.closes_over_traced(fn) or not all(map(validation.known, jax.tree.leaves((fn, inputs)))):
+    if tracing.closes_over_traced(fn) or not all(map(tracing.known, jax.tree.leaves((fn, inputs)))):
         return jax.lax.map(lambda x: calling.arrays("fn", _WANTED, fn, x), inputs, batch_size=block)
     workers = _workers(devices)
     configuration.complain_once()

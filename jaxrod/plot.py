@@ -11,7 +11,7 @@ from matplotlib.ticker import LogLocator
 from .accuracy.run_plan import named
 from .accuracy.work_precision import RUNGS, Tradeoff
 from .core import validation
-from .motions.motion import State
+from .motions.state import State
 from .runs.solution import Solution
 from .shapes.load_basis import LoadRitz
 

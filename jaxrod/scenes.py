@@ -9,7 +9,8 @@ from .accuracy.quantity import AbstractQuantity, FinalAngle, FinalTip, LargestSt
 from .core import validation
 from .mechanics.system import System
 from .motions.force import TipForce
-from .motions.motion import Driven, Rotation, Spherical, State
+from .motions.motion import Driven, Rotation, Spherical
+from .motions.state import State
 from .paper.figure_2 import corrected
 from .rods.rod import Rod
 from .rods.section import Cone, Uniform

@@ -23,9 +23,9 @@ from jaxtyping import Array
 from .accuracy.error_budget import budgets
 from .accuracy.quantity import AbstractQuantity, as_quantity
 from .accuracy.run_plan import Plan
-from .core import precision, units, validation
+from .core import precision, tracing, units, validation
+from .core.precision import in_type
 from .core.result import Result, SimulationError
-from .core.validation import in_type
 from .integrators.multistep import AbstractMultistep
 from .integrators.reversal import reversible
 from .integrators.runge_kutta import Unrolled
@@ -33,7 +33,7 @@ from .integrators.symplectic import AbstractSymplectic
 from .mechanics.chart import AbstractChart
 from .mechanics.lagrangian import Lagrangian, Phase
 from .mechanics.system import System
-from .motions.motion import State, check_start
+from .motions.state import State, check_start
 from .rods import plausibility
 from .rods.rod import Rod
 from .runs import arguments
@@ -113,7 +113,7 @@ def simulate(
             progress_meter=progress_meter, max_steps=max_steps, budget=budget, throw=throw,
         )  # fmt: skip
     arguments.check_scene(system, start, chart)
-    dtype = validation.float_type(system, start)
+    dtype = precision.float_type(system, start)
     precision.warn_if_lowered(dtype, system, start)
     system, start = in_type(dtype, (system, start))
     if isinstance(system, System) and isinstance(start, State):
@@ -151,7 +151,7 @@ def simulate(
     plain = all(x is None for x in (stepsize_controller, dt0, saveat, event, progress_meter))
     plain = plain and (adjoint is None or isinstance(adjoint, Reversible | diffrax.ForwardMode))
     # A number that hides in a closure has no reverse derivative through steps that are undone.
-    hidden = isinstance(system, System) and validation.closes_over_traced((system.forces, system.motion))
+    hidden = isinstance(system, System) and tracing.closes_over_traced((system.forces, system.motion))
     hidden = hidden and not isinstance(adjoint, diffrax.ForwardMode)
     plain = plain and not hidden
     chosen, why = _chosen(system, solver, plain and chart is None, hidden)
@@ -164,7 +164,7 @@ def simulate(
         arguments.check_multistep(system, chosen, plain and chart is None)
     unrolled = isinstance(chosen, Unrolled) and isinstance(system, System) and chart is None
     equal = plain and (by_equal_steps(chosen) or unrolled)
-    if n_steps is not None and not equal and not validation.known(n_steps):
+    if n_steps is not None and not equal and not tracing.known(n_steps):
         raise ValueError("n_steps= is traced, which only symplectic solvers and Unrolled() take; give a known number.")
 
     knots, unknown = arguments.knots(system, times, equal, stepsize_controller, n_steps)
@@ -192,7 +192,7 @@ def simulate(
     else:
         solution = through_diffrax(chosen, why)
     solution = _as_asked(solution, system, times, ts, unknown)
-    if throw and validation.known(solution.stats["num_steps"]) and validation.fails(lambda ok: ok, solution.ok):
+    if throw and tracing.known(solution.stats["num_steps"]) and validation.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     _doubt_strain(solution)
     if budget is not None:
@@ -234,7 +234,7 @@ def _doubt_strain(solution: Solution) -> None:
     rod: Any = getattr(solution.system, "rod", None)
     states = solution.states
     hooke = isinstance(rod, Rod) and rod.linear and isinstance(states, State)
-    if not hooke or not validation.known(states.amplitudes) or validation.fails(lambda ok: ok, solution.ok):
+    if not hooke or not tracing.known(states.amplitudes) or validation.fails(lambda ok: ok, solution.ok):
         return
     largest = np.max(np.abs(np.asarray(states.amplitudes)[..., :1]), initial=0.0)
     if doubt := plausibility.strain(largest, validation.brief(rod.young)):
@@ -312,7 +312,7 @@ def _step(system, start, times: arguments.Times, solver, n_steps, tolerance, max
 
 def _even(t0, ts, clock) -> bool:
     """Whether save times are known to be equally spaced, from t0 or from the first, to the rounding of their stamps."""
-    if ts.dtype != np.float64 or not all(map(validation.known, (t0, ts, 0.0 if clock is None else clock))):
+    if ts.dtype != np.float64 or not all(map(tracing.known, (t0, ts, 0.0 if clock is None else clock))):
         return False
     ts = np.asarray(ts)
     ts = ts if ts[0] == t0 else np.concatenate([[t0], ts])
@@ -331,7 +331,7 @@ def _as_asked(solution: Solution, system, times: arguments.Times, ts, unknown) -
         solution = dataclasses.replace(solution, ts=stamps, stats=stats, system=system)
     stats = dict(solution.stats)
     unseen, code = stats.pop("unseen", None), solution.result
-    if unseen is not None and not validation.known(unseen):
+    if unseen is not None and not tracing.known(unseen):
         code = Result.where((code == Result.ok) & unseen, Result.unseen, code)
     elif unseen is not None and validation.fails(lambda unseen: ~unseen, unseen):
         warnings.warn(Result.unseen.sentence, stacklevel=3)

@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.core.validation import in_type
+from jaxrod.core.precision import in_type
 
 ROTATION, RIGID = jaxrod.Rotation(), jaxrod.Ritz(0)
 

@@ -7,7 +7,7 @@ import pytest
 import scipy.linalg
 
 import jaxrod
-from jaxrod.core import eigen
+from jaxrod.core import linear_algebra
 
 H = 1e-6
 
@@ -23,7 +23,7 @@ def pencil(n, seed=0):
 def test_values_and_shapes(scale):
     a, b, *_ = pencil(6)
     a, b = a * scale, b / scale
-    w, v = eigen.eigh(a, b)
+    w, v = linear_algebra.eigh(a, b)
     np.testing.assert_allclose(w, scipy.linalg.eigh(a, b, eigvals_only=True), rtol=1e-12)
     np.testing.assert_allclose(v.T @ b @ v, np.eye(6), atol=1e-13)
     np.testing.assert_allclose(a @ v, (b @ v) * np.asarray(w)[None, :], atol=1e-12 * np.abs(a).max() * np.abs(v).max())
@@ -36,7 +36,7 @@ def test_derivatives(scale):
     a, b, da, db = pencil(5)
 
     def both(t):
-        w, v = eigen.eigh((a + t * da) * scale, (b + t * db) / scale)
+        w, v = linear_algebra.eigh((a + t * da) * scale, (b + t * db) / scale)
         return jnp.concatenate([w / scale**2, v.ravel() / np.sqrt(scale)])
 
     forward, reverse = jax.jacfwd(both)(0.0), jax.jacrev(both)(0.0)
@@ -54,17 +54,17 @@ def test_eigenvalues_that_meet():
     da, b = da + da.T, np.eye(4)
 
     def values(t):
-        return eigen.eigh(a + t * da, b)[0]
+        return linear_algebra.eigh(a + t * da, b)[0]
 
     slope, difference = jax.jacfwd(values)(0.0), (values(H) - values(-H)) / (2 * H)
     np.testing.assert_allclose(slope[jnp.array([0, 3])], difference[jnp.array([0, 3])], atol=1e-7)
     assert float(slope[1:3].sum()) == pytest.approx(float(difference[1:3].sum()), abs=1e-7)
     np.testing.assert_allclose(jax.jacrev(values)(0.0), slope, rtol=1e-12)
-    shapes = jax.jacrev(lambda t: eigen.eigh(a + t * da, b)[1])(0.0)
+    shapes = jax.jacrev(lambda t: linear_algebra.eigh(a + t * da, b)[1])(0.0)
     assert np.all(np.isfinite(shapes))
 
     def smooth(t):  # exp(-(a + t da)): a function of the matrix, whatever vectors span the plane of the two
-        w, v = eigen.eigh(a + t * da, b)
+        w, v = linear_algebra.eigh(a + t * da, b)
         return jnp.sum(jnp.exp(-w) * (v**2).sum(axis=0))
 
     assert float(jax.grad(smooth)(0.0)) == pytest.approx(float(smooth(H) - smooth(-H)) / (2 * H), abs=1e-7)
@@ -92,17 +92,17 @@ def test_general_matrices():
     a, da = rng.normal(size=(2, 5, 5))
 
     def both(t):
-        w, v = eigen.eig(a + t * da)
+        w, v = linear_algebra.eig(a + t * da)
         order = jnp.argsort(w.real + 0.1 * w.imag)
         w, v = w[order], v[:, order] / v[0, order][None, :]
         return jnp.concatenate([w.real, w.imag, v.real.ravel(), v.imag.ravel()])
 
-    w, v = eigen.eig(a)
+    w, v = linear_algebra.eig(a)
     np.testing.assert_allclose(a @ v, v * w[None, :], atol=1e-13)
     forward, difference = jax.jacfwd(both)(0.0), (both(H) - both(-H)) / (2 * H)
     np.testing.assert_allclose(forward, difference, atol=1e-7)
     np.testing.assert_allclose(jax.jacrev(both)(0.0), forward, rtol=1e-9, atol=1e-11)
-    assert np.all(np.isfinite(jax.jacfwd(lambda t: eigen.eig(jnp.eye(3) * (1 + t))[0].real)(0.0)))
+    assert np.all(np.isfinite(jax.jacfwd(lambda t: linear_algebra.eig(jnp.eye(3) * (1 + t))[0].real)(0.0)))
 
 
 @pytest.mark.slow

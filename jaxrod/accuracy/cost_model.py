@@ -8,7 +8,7 @@ from typing import Any
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import validation
+from ..core import precision
 from ..integrators.multistep import AbstractMultistep
 from ..integrators.symplectic import AbstractSymplectic
 from ..mechanics.system import System
@@ -23,7 +23,7 @@ def _table() -> dict[str, Any]:
 
 def seconds(system: System, solver: Any, steps: float) -> float:
     """Computing time of one scene among many, on one core of the machine that the table was measured on."""
-    dtype, n = validation.float_type(system), system.basis.n
+    dtype, n = precision.float_type(system), system.basis.n
     spent = steps * stages(solver) * stage(way_of(system, solver), dtype, n)
     if isinstance(solver, AbstractMultistep):
         spent += solver.starting_stages * stage("flat", dtype, n)

@@ -22,10 +22,10 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..continuum.neglected import ModelLimits, model_limits
-from ..core import calling, validation
+from ..core import calling, tracing
 from ..core.result import Result
 from ..mechanics.system import System
-from ..motions.motion import State
+from ..motions.state import State
 from ..rods.rod import Rod
 from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
@@ -70,7 +70,7 @@ class Budget(eqx.Module):
         return jnp.where(self.bounded, jnp.maximum(self.model + self.step + self.rounding, _FLOOR), jnp.inf)
 
     def __str__(self):
-        if not validation.known(self.value) or self.span.ndim:
+        if not tracing.known(self.value) or self.span.ndim:
             return f"Budget of the {self.name} of many runs: `bound` and its parts have their leading axes"
         lines, unit = [], f" {self.unit}".rstrip()
         for index in np.ndindex(self.value.shape):

@@ -13,8 +13,10 @@ from ..mechanics.equations import Condensed
 from ..mechanics.lagrangian import solve_positive
 from ..mechanics.system import System, check_state, check_system
 from ..motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
-from ..motions.motion import Driven, State
-from ..rods.rod import Lumped, Rod
+from ..motions.motion import Driven
+from ..motions.state import State
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
 from ..shapes.load_basis import LoadRitz
 

@@ -21,10 +21,11 @@ import numpy as np
 
 from .. import continuum
 from ..core import validation
-from ..core.validation import in_type
+from ..core.precision import in_type
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight, State
-from ..rods.rod import Lumped
+from ..motions.motion import Driven, Flight
+from ..motions.state import State
+from ..rods.lumped import Lumped
 from ..runs import arguments
 from ..runs.defaults import by_equal_steps, solvers
 from ..runs.fixed_steps import LEAST_TOLERANCE

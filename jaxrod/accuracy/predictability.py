@@ -6,13 +6,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int8
 
-from ..core import validation
+from ..core import precision, validation
 from ..core.linear_algebra import singular_values
 from ..core.result import Result
 from ..mechanics import equilibria
 from ..mechanics.chart import Local
 from ..mechanics.system import System
-from ..motions.motion import Driven, State
+from ..motions.motion import Driven
+from ..motions.state import State
 from ..runs import arguments
 from ..simulation import simulate
 
@@ -70,7 +71,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
     36.0
     """
     arguments.check_system(system, start)
-    _, t0, t1, _ = arguments.times(None, t1, t0, None, validation.float_type(system, start), by_the_clock=True)
+    _, t0, t1, _ = arguments.times(None, t1, t0, None, precision.float_type(system, start), by_the_clock=True)
     tolerance = validation.positive("tolerance", tolerance, "", "lengths of the rod")
     distance = validation.positive("distance", distance, "", "rad and strain")
     if validation.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
@@ -85,7 +86,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
 
 @eqx.filter_jit
 def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horizon:
-    dtype = validation.float_type(system, start)
+    dtype = precision.float_type(system, start)
     ts = jnp.linspace(t0, t1, _TIMES + 1, dtype=dtype)[1:]
 
     def tip(offset):

@@ -7,7 +7,7 @@ import numpy as np
 
 from .. import continuum
 from ..mechanics.system import System
-from ..motions.motion import State
+from ..motions.state import State
 from ..rods.rod import Rod
 from .quantity import AbstractQuantity, Measured
 

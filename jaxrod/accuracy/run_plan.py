@@ -6,10 +6,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..core.validation import in_type
+from ..core.precision import in_type
 from ..mechanics.equations import eigenvalues
 from ..mechanics.system import System
-from ..motions.motion import State
+from ..motions.state import State
 from ..shapes.basis import AbstractBasis, QuasiStatic
 from .ladder import brought
 

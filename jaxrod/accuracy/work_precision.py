@@ -12,10 +12,10 @@ import numpy as np
 from tqdm import tqdm
 
 from ..core import validation
-from ..core.validation import in_type
+from ..core.precision import in_type
 from ..mechanics.system import System
-from ..motions.motion import State
-from ..rods.rod import Lumped
+from ..motions.state import State
+from ..rods.lumped import Lumped
 from ..runs import arguments
 from ..runs.defaults import by_equal_steps, solvers
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz

@@ -16,8 +16,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import validation
-from ..rods.rod import Lumped, Rod
+from ..core import tracing, validation
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from .mesh import Mesh, mesh, panel_ends, safe_sqrt
 
 
@@ -51,14 +52,14 @@ def order_for(rod: Rod, pivot: Any, n: int) -> int:
         raise ValueError(f"n={validation.given(n)} must be a whole number of frequencies, 0 or more.")
     ends, s, time = _travel(rod, pivot)
     share = 1.0
-    if validation.known(ends) and validation.known(time) and np.all(np.isfinite(ends)):
+    if tracing.known(ends) and tracing.known(time) and np.all(np.isfinite(ends)):
         by_panel, _ = np.histogram(np.asarray(s), np.asarray(ends), weights=np.asarray(time))
         share = float(by_panel.max() / by_panel.sum())
     needed = rod.resolution.order - 4 + 48 / (ends.size - 1) + 1.7 * n * share
     return 4 * int(np.ceil(needed / 4))  # few different orders: each is a compilation
 
 
-@validation.at_once
+@tracing.at_once
 def _travel(rod: Rod, pivot: Any):
     """Ends of the panels; points along the rod and the time in s a wave takes past each."""
     s, ds = rod.quadrature()

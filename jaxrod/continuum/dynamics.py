@@ -18,7 +18,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motions.motion import Driven, State, heading
+from ..motions.motion import Driven
+from ..motions.state import State, heading
 from .modes import Waves
 
 

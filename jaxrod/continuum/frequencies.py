@@ -37,7 +37,7 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     """
     rod, pivot, free = support(system)
     n = validation.count("n", n, 1, "frequencies", _MOST)
-    precision.warn_if_lowered(validation.float_type(system), system, ())
+    precision.warn_if_lowered(precision.float_type(system), system, ())
     warn_of_forces("continuum.natural_frequencies", system)
     return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 

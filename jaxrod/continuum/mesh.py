@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import validation
+from ..core import precision
 from ..core.quadrature import gauss
 from ..rods.rod import Rod
 
@@ -40,7 +40,7 @@ class Mesh(NamedTuple):
 
 def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
     """The rod on `order` nodes for each panel; panels end at `at` (m) too."""
-    dtype = validation.float_type(rod, at)
+    dtype = precision.float_type(rod, at)
     ends = panel_ends(rod, at)
     x, w = (jnp.asarray(column, dtype) for column in gauss(order))
     half = jnp.diff(ends)[:, None] / 2

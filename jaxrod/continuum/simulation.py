@@ -16,12 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, precision, units, validation
+from ..core import calling, precision, tracing, units, validation
 from ..core.result import Result
 from ..integrators.reversal import forward_refused, reversible
 from ..motions.force import TipForce
-from ..motions.motion import Driven, State, check_start
+from ..motions.motion import Driven
 from ..motions.preview import preview
+from ..motions.state import State, check_start
 from ..motions.stops import Stops, known_knots
 from .compliance import order_for, support
 from .dynamics import Dynamics
@@ -92,7 +93,7 @@ def simulate(
     _check(system, start, modes, static)
     validation.switch("error", error)
     modes = int(modes)
-    dtype = validation.float_type(system, start)
+    dtype = precision.float_type(system, start)
     if dtype != jnp.float64:
         raise ValueError(
             f"system and start are {dtype}; the exact rod needs float64: {precision.remedy(system, start)}."
@@ -109,7 +110,7 @@ def simulate(
     if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint):
         raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
     backwards = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
-    system, start = validation.in_type(dtype, (system, start))
+    system, start = precision.in_type(dtype, (system, start))
     order = order_for(rod, pivot, modes)
     forwards = isinstance(adjoint, diffrax.ForwardMode)
     if not forwards:
@@ -119,7 +120,7 @@ def simulate(
         solution, beyond, unseen = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards, knots)
     if validation.fails(lambda unseen: ~unseen, unseen):
         warnings.warn(Result.unseen.sentence, stacklevel=2)
-    lost = (False if validation.known(unseen) else unseen) | (False if unknown is None else unknown)
+    lost = (False if tracing.known(unseen) else unseen) | (False if unknown is None else unknown)
     solution = dataclasses.replace(solution, ended=solution.ended & jnp.logical_not(lost))
     solution = reversible(solution, 0, _BACKWARD) if forwards else solution
     if static and validation.fails(lambda x: x < 0, beyond):

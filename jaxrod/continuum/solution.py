@@ -8,8 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import validation
-from ..motions.motion import State
+from ..core import tracing, validation
+from ..motions.state import State
 from .modes import Waves
 
 
@@ -108,7 +108,7 @@ class ContinuumSolution(eqx.Module):
         return amplitudes @ self.waves.tension_at(s).T / rigidity[None, :]
 
     def __str__(self):
-        if not validation.known(self.ts):
+        if not tracing.known(self.ts):
             return f"ContinuumSolution at {self.ts.size} times"
         n = self.waves.omega.size
         lines = [

@@ -1,8 +1,9 @@
-"""Which numbers of a scene decide that it computes in float32, and what to do about it."""
+"""The float type of a run: which numbers of a scene decide it, and what to do where it is float32."""
 
 import warnings
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +11,17 @@ import numpy as np
 from .. import configuration
 
 _NAMED = 3  # numbers in a message
+
+
+def float_type(*trees: Any) -> jnp.dtype:
+    """The type that JAX's promotion gives all numbers of these pytrees together."""
+    leaves = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array | np.ndarray | float)]
+    return jnp.result_type(float, *leaves)
+
+
+def in_type(dtype: Any, tree: Any) -> Any:
+    """The tree with its floats in a type."""
+    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
 
 
 def warn_if_lowered(dtype: Any, system: Any, start: Any) -> None:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Int8
 
-from . import validation
+from . import tracing
 
 
 class _Sentences(enum.EnumMeta):
@@ -16,7 +16,7 @@ class _Sentences(enum.EnumMeta):
     def __getitem__(cls: Any, code: Any) -> Any:
         if isinstance(code, str):
             return super().__getitem__(code)
-        if not validation.known(code):
+        if not tracing.known(code):
             raise ValueError("Result[code] is a sentence of a known code; ask outside of transformations.")
         codes = np.asarray(code)
         if codes.dtype.kind not in "iu" or not np.all(np.isin(codes, list(cls))):

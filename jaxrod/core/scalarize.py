@@ -105,16 +105,6 @@ def by_number(function: Callable[..., Any]) -> Callable[..., Any]:
     return evaluate
 
 
-def depends_on_first(function: Callable[..., Any], first: Any, *others: Any) -> bool:
-    """Whether the program of `function` uses its first argument for its answer."""
-    jaxpr = jax.make_jaxpr(function)(first, *others).jaxpr
-    reached = set(jaxpr.invars[: len(jax.tree.leaves(first))])
-    for eqn in jaxpr.eqns:
-        if any(not isinstance(x, core.Literal) and x in reached for x in eqn.invars):
-            reached.update(eqn.outvars)
-    return any(not isinstance(x, core.Literal) and x in reached for x in jaxpr.outvars)
-
-
 def _dtype(x):
     return (
         jnp.result_type(*x.values)

@@ -1,28 +1,143 @@
-"""Which traced numbers decide where a function of s is divided, as b does in where(s < b, ...).
+"""What can be told of numbers and functions before they are computed: is a value known, what does a program depend on.
 
-By the place of a jump automatic differentiation finds a derivative of zero: nothing it knows depends on b.
+Under a transformation of JAX a number is *traced*: it has a shape and a type, and no value yet.
 """
 
+import functools
+import types
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jax.core import Tracer
+from jax.extend.core import Literal
 from jaxtyping import Array, Inexact
-
-from . import validation
 
 _ALONG = frozenset(["s"])
 _STEPPED = {"floor", "ceil", "round", "sign", "rem"}  # steps in floating point; comparisons and integers step anyway
 
 
+def known(value: Any) -> bool:
+    """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
+    return not isinstance(value, Tracer)
+
+
+def closes_over_traced(value: Any, inside: bool = False, depth: int = 8, seen: set[int] | None = None) -> bool:
+    """Whether a function in `value` has a traced number in its closure, where no pytree sees it.
+
+    `inside`: whether `value` itself is in a closure; leaves of pytrees outside are no secret.
+    """
+    seen = set() if seen is None else seen
+    if isinstance(value, Tracer) or depth == 0 or id(value) in seen:
+        return isinstance(value, Tracer) and inside
+    seen.add(id(value))
+    if isinstance(value, list | tuple):
+        inner = value
+    elif isinstance(value, dict):
+        inner = value.values()
+    elif isinstance(value, functools.partial):
+        inner = (value.func, value.args, value.keywords)
+        inside = inside or not isinstance(value, jax.tree_util.Partial)
+    elif isinstance(value, types.FunctionType):
+        inner = (*(content(cell) for cell in value.__closure__ or ()), value.__defaults__, value.__kwdefaults__)
+        inside = True
+    elif isinstance(value, types.MethodType):
+        inner = (value.__func__, value.__self__)
+    elif isinstance(value, eqx.Module):
+        inner = vars(value).values()
+    elif hasattr(value, "__dict__") and not isinstance(value, type | types.ModuleType | jax.Array):
+        inner, inside = vars(value).values(), True  # an object that is no pytree
+    else:
+        return False
+    return any(closes_over_traced(x, inside, depth - 1, seen) for x in inner)
+
+
+def content(cell) -> Any:
+    """What a cell of a closure holds; None if nothing yet."""
+    try:
+        return cell.cell_contents
+    except ValueError:
+        return None
+
+
+def depends_on_first(function: Callable[..., Any], first: Any, *others: Any) -> bool:
+    """Whether the program of `function` uses its first argument for its answer."""
+    jaxpr = jax.make_jaxpr(function)(first, *others).jaxpr
+    reached = set(jaxpr.invars[: len(jax.tree.leaves(first))])
+    for eqn in jaxpr.eqns:
+        if any(not isinstance(x, Literal) and x in reached for x in eqn.invars):
+            reached.update(eqn.outvars)
+    return any(not isinstance(x, Literal) and x in reached for x in jaxpr.outvars)
+
+
+def at_once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function as one compiled program where all it is given is known: JAX would compile each operation by itself.
+
+    Of traced numbers it works as it stands, so that what does not depend on them stays known.
+    """
+    compiled = eqx.filter_jit(function)
+
+    @functools.wraps(function)
+    def call(*args):
+        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(args))
+        return function(*args) if traced else compiled(*args)
+
+    return call
+
+
+@jax.custom_jvp
+def no_derivative(x: Any, where: Any) -> Any:
+    """x; its derivatives are NaN where `where` holds."""
+    del where
+    return x
+
+
+@no_derivative.defjvp
+def _no_derivative_jvp(primals, tangents):
+    (x, where), (dx, _) = primals, tangents
+    return no_derivative(x, where), dx * jnp.where(where, jnp.nan, 1.0).astype(dx.dtype)
+
+
+def carried(function: Callable[..., Any]) -> Any:
+    """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
+    if not isinstance(function, eqx.Module | jax.tree_util.Partial):
+        return jax.tree_util.Partial(function)
+    leaves, structure = jax.tree.flatten(function)
+    if all(map(eqx.is_array_like, leaves)):
+        return function
+    return _Carried(
+        [x for x in leaves if eqx.is_array_like(x)],
+        tuple(None if eqx.is_array_like(x) else x for x in leaves),
+        structure,
+    )
+
+
+class _Carried(eqx.Module):
+    """A module that is called, of whose leaves some are functions: they are no leaves here."""
+
+    numbers: list[Any]
+    others: tuple = eqx.field(static=True)
+    structure: Any = eqx.field(static=True)
+
+    def __call__(self, *given: Any) -> Any:
+        numbers = iter(self.numbers)
+        leaves = [next(numbers) if x is None else x for x in self.others]
+        return jax.tree.unflatten(self.structure, leaves)(*given)
+
+
 def traced(part: Any) -> bool:
     """Whether a number in its pytree, or in its closures, is traced."""
-    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or validation.closes_over_traced(part)
+    return any(isinstance(x, Tracer) for x in jax.tree.leaves(part)) or closes_over_traced(part)
 
 
 def deciding(part: Any, s: Any) -> list[Inexact[Array, "..."]]:
-    """The traced numbers in part(s), of its pytree and of its closures, that are compared with s."""
+    """The traced numbers in part(s), of its pytree and of its closures, that are compared with s.
+
+    They decide where it is divided, as b does in where(s < b, ...): by the place of a jump automatic differentiation finds
+    a derivative of zero, as nothing that it knows depends on b.
+    """
     numbers, rest = eqx.partition(part, eqx.is_array)
     leaves, structure = jax.tree.flatten(numbers)
     if not traced(part):
@@ -45,7 +160,7 @@ def _followed(jaxpr: Any, inputs: list, constants: Any = None) -> tuple[list, fr
     found = frozenset()
 
     def of(x):
-        return frozenset() if hasattr(x, "val") else depends[x]
+        return frozenset() if isinstance(x, Literal) else depends[x]
 
     for equation in jaxpr.eqns:
         each = [of(x) for x in equation.invars]

@@ -4,64 +4,18 @@ A refusal is one sentence that names the argument, its value and the remedy.  Va
 not known yet and pass: `simulate` answers them with the result code `invalid`.
 """
 
-import functools
 import types
 from collections.abc import Callable
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jaxtyping import Array, Float, Inexact
 
-from . import units
+from . import tracing, units
 
 _BRIEF = 60  # characters of what is repeated in a message
-
-
-def known(value: Any) -> bool:
-    """Whether `value` holds numbers that can be looked at now (and not a tracer)."""
-    return not isinstance(value, Tracer)
-
-
-def closes_over_traced(value: Any, inside: bool = False, depth: int = 8, seen: set[int] | None = None) -> bool:
-    """Whether a function in `value` has a traced number in its closure, where no pytree sees it.
-
-    `inside`: whether `value` itself is in a closure; leaves of pytrees outside are no secret.
-    """
-    seen = set() if seen is None else seen
-    if isinstance(value, Tracer) or depth == 0 or id(value) in seen:
-        return isinstance(value, Tracer) and inside
-    seen.add(id(value))
-    if isinstance(value, list | tuple):
-        inner = value
-    elif isinstance(value, dict):
-        inner = value.values()
-    elif isinstance(value, functools.partial):
-        inner = (value.func, value.args, value.keywords)
-        inside = inside or not isinstance(value, jax.tree_util.Partial)
-    elif isinstance(value, types.FunctionType):
-        inner = (*(content(cell) for cell in value.__closure__ or ()), value.__defaults__, value.__kwdefaults__)
-        inside = True
-    elif isinstance(value, types.MethodType):
-        inner = (value.__func__, value.__self__)
-    elif isinstance(value, eqx.Module):
-        inner = vars(value).values()
-    elif hasattr(value, "__dict__") and not isinstance(value, type | types.ModuleType | jax.Array):
-        inner, inside = vars(value).values(), True  # an object that is no pytree
-    else:
-        return False
-    return any(closes_over_traced(x, inside, depth - 1, seen) for x in inner)
-
-
-def content(cell) -> Any:
-    """What a cell of a closure holds; None if nothing yet."""
-    try:
-        return cell.cell_contents
-    except ValueError:
-        return None
 
 
 def fails(condition: Callable[..., Any], *values: Any) -> bool:
@@ -69,35 +23,7 @@ def fails(condition: Callable[..., Any], *values: Any) -> bool:
 
     NumPy, because under `jit` even an operation on known numbers is traced.
     """
-    return all(map(known, values)) and not np.all(condition(*map(np.asarray, values)))
-
-
-def at_once(function: Callable[..., Any]) -> Callable[..., Any]:
-    """The function as one compiled program where all it is given is known: JAX would compile each operation by itself.
-
-    Of traced numbers it works as it stands, so that what does not depend on them stays known.
-    """
-    compiled = eqx.filter_jit(function)
-
-    @functools.wraps(function)
-    def call(*args):
-        traced = any(isinstance(x, Tracer) for x in jax.tree.leaves(args))
-        return function(*args) if traced else compiled(*args)
-
-    return call
-
-
-@jax.custom_jvp
-def no_derivative(x: Any, where: Any) -> Any:
-    """x; its derivatives are NaN where `where` holds."""
-    del where
-    return x
-
-
-@no_derivative.defjvp
-def _no_derivative_jvp(primals, tangents):
-    (x, where), (dx, _) = primals, tangents
-    return no_derivative(x, where), dx * jnp.where(where, jnp.nan, 1.0).astype(dx.dtype)
+    return all(map(tracing.known, values)) and not np.all(condition(*map(np.asarray, values)))
 
 
 def number(name: str, value: Any, shape: tuple[int, ...] = (), unit: str | None = "") -> Inexact[Array, "..."]:
@@ -178,17 +104,6 @@ def not_negative(name: str, value: Any, unit: str | None, what: str | None = Non
     return array
 
 
-def float_type(*trees: Any) -> jnp.dtype:
-    """The type that JAX's promotion gives all numbers of these pytrees together."""
-    leaves = [leaf for leaf in jax.tree.leaves(trees) if isinstance(leaf, jax.Array | np.ndarray | float)]
-    return jnp.result_type(float, *leaves)
-
-
-def in_type(dtype: Any, tree: Any) -> Any:
-    """The tree with its floats in a type."""
-    return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
-
-
 def switch(name: str, value: Any) -> None:
     """Refuse, by `ValueError`, what is not True or False."""
     if not isinstance(value, bool | np.bool_):
@@ -217,7 +132,7 @@ def shown(value: Any) -> str:
 
 def given(value: Any) -> str:
     """What was given in place of something else, as it is written in an error message: in a few words."""
-    if isinstance(value, jax.Array | np.ndarray) and (np.ndim(value) > 0 or not known(value)):
+    if isinstance(value, jax.Array | np.ndarray) and (np.ndim(value) > 0 or not tracing.known(value)):
         return f"an array of shape {np.shape(value)}"
     if isinstance(value, types.FunctionType):
         return f"<function {value.__name__}>"
@@ -228,32 +143,5 @@ def given(value: Any) -> str:
 
 def brief(value: Any) -> str:
     """A number as it is written in a representation; anything else in a few words."""
-    number = isinstance(value, int | float | np.number | jax.Array) and known(value) and np.ndim(value) == 0
+    number = isinstance(value, int | float | np.number | jax.Array) and tracing.known(value) and np.ndim(value) == 0
     return f"{value:.6g}" if number else given(value)
-
-
-def carried(function: Callable[..., Any]) -> Any:
-    """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves."""
-    if not isinstance(function, eqx.Module | jax.tree_util.Partial):
-        return jax.tree_util.Partial(function)
-    leaves, structure = jax.tree.flatten(function)
-    if all(map(eqx.is_array_like, leaves)):
-        return function
-    return _Carried(
-        [x for x in leaves if eqx.is_array_like(x)],
-        tuple(None if eqx.is_array_like(x) else x for x in leaves),
-        structure,
-    )
-
-
-class _Carried(eqx.Module):
-    """A module that is called, of whose leaves some are functions: they are no leaves here."""
-
-    numbers: list[Any]
-    others: tuple = eqx.field(static=True)
-    structure: Any = eqx.field(static=True)
-
-    def __call__(self, *given: Any) -> Any:
-        numbers = iter(self.numbers)
-        leaves = [next(numbers) if x is None else x for x in self.others]
-        return jax.tree.unflatten(self.structure, leaves)(*given)

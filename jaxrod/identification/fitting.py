@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
-from ..core import calling, units, validation
+from ..core import calling, tracing, units, validation
 from . import least_squares
 from .least_squares import BLIND, Parameters, Residuals
 
@@ -120,7 +120,7 @@ def fit(
     max_steps = validation.count("max_steps", max_steps, 1, "steps")
     dtype = _check(model, data, parameters)
 
-    residuals = Residuals(validation.carried(model), data, sigma, parameters)
+    residuals = Residuals(tracing.carried(model), data, sigma, parameters)
     first = least_squares.point(residuals, dtype)
     if not first.finite:
         raise ValueError("model has a derivative at the start that is not finite; start elsewhere.")

@@ -12,7 +12,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motions.motion import AbstractMotion, Driven, Flight, Placement, State, heading
+from ..motions.motion import AbstractMotion, Driven, Flight
+from ..motions.state import Placement, State, heading
 from ..shapes.projection import Projection
 from . import energy
 from .lagrangian import Phase

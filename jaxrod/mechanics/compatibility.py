@@ -9,10 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import calling, validation
+from ..core import calling, tracing, validation
 from ..motions.force import AbstractForce, KelvinVoigt
-from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State
-from ..rods.rod import Lumped, Rod
+from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight
+from ..motions.state import Placement, State
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from ..shapes.projection import Projection
 
@@ -71,7 +73,7 @@ def _try_power(force: AbstractForce, t, state: State, body: Callable[[], Project
     numbers = jax.tree.map(lambda x: np.linspace(1.0, 2.0, x.size).reshape(x.shape), eqx.filter_eval_shape(body))
     rate = Placement(state.direction_rate, state.amplitude_rates, state.center_velocity)
     calling.tried(name, wanted, force.power, t, state, rate, numbers, shapes=[()])
-    if validation.closes_over_traced(force) or not all(map(validation.known, jax.tree.leaves(force))):
+    if tracing.closes_over_traced(force) or not all(map(tracing.known, jax.tree.leaves(force))):
         return
     with jax.ensure_compile_time_eval():
         off, size = _not_linear(force, t, state, rate, numbers)
@@ -124,6 +126,6 @@ def _check_support(rod, motion, basis):
             )
 
 
-@validation.at_once
+@tracing.at_once
 def _area(rod: Rod, s):
     return rod.area(s)

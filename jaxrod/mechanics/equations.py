@@ -10,9 +10,10 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..core.linear_algebra import eigvalsh
-from ..core.scalarize import depends_on_first
+from ..core.tracing import depends_on_first
 from ..motions.force import AbstractForce
-from ..motions.motion import AbstractMotion, Placement, State
+from ..motions.motion import AbstractMotion
+from ..motions.state import Placement, State
 from ..shapes.projection import Projection
 from . import energy
 from .chart import AbstractChart

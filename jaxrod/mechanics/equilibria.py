@@ -9,9 +9,10 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..core import validation
+from ..core import precision, validation
 from ..core.linear_algebra import one_by_one, pinv
-from ..motions.motion import Driven, Flight, State
+from ..motions.motion import Driven, Flight
+from ..motions.state import State
 from ..shapes.basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
 from .system import System, check_system
@@ -70,8 +71,8 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     in_si = {"angle": "rad", "spin": "rad/s", "momentum": "kg m^2/s"}
     given = {name: validation.number(name, x, unit=in_si[name]) for name, x in given.items() if x is not None}
     # Searched in JAX's default type, in which Optimistix keeps its own numbers.
-    dtype, wide = validation.float_type(system, given), jnp.result_type(float)
-    scene, given = validation.in_type(wide, (system, given))
+    dtype, wide = precision.float_type(system, given), jnp.result_type(float)
+    scene, given = precision.in_type(wide, (system, given))
     state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
     sound = (error < unbalanced_at_most(error.dtype)) & (lowest > -1)
     if validation.fails(lambda sound: sound, sound):
@@ -100,7 +101,7 @@ def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
 
 @eqx.filter_jit
 def _search(system, angle, spin, momentum):
-    dtype = validation.float_type(system, angle, spin, momentum)
+    dtype = precision.float_type(system, angle, spin, momentum)
     base = _guess(system, angle, spin).astype(dtype)
     slopes = 0 if isinstance(system.motion, Driven) else base.size - 1
     n = 0 if isinstance(system.basis, QuasiStatic) else system.basis.n

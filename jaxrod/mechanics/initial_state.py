@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import validation
-from ..motions.motion import Driven, Flight, State, heading
+from ..core import precision, tracing, validation
+from ..motions.motion import Driven, Flight
+from ..motions.state import State, heading
 
 _MANY_RADIANS = 30.0, 1080.0  # between which a multiple of 15 is taken for degrees
 
@@ -50,7 +51,7 @@ def started(
     place = {"center": (center, "m"), "center_velocity": (center_velocity, "m/s")} if flight else {}
     place = {name: validation.number(name, _or_zero(x, (0.0, 0.0)), (2,), unit) for name, (x, unit) in place.items()}
 
-    dtype = validation.float_type(system, given, strains, place)
+    dtype = precision.float_type(system, given, strains, place)
     given, strains, place = jax.tree.map(lambda x: x.astype(dtype), (given, strains, place))
     direction, direction_rate, turns = (_spatial if space else _planar)(given)
     return State(direction, direction_rate, **strains, turns=turns, **place)
@@ -91,19 +92,19 @@ def _or_zero(value, zero: Any = 0.0):
     return zero if value is None else value
 
 
-@validation.at_once
+@tracing.at_once
 def _first_alone(uniform, n: int):
     return jnp.stack([uniform, *[jnp.zeros_like(uniform)] * (n - 1)])[:n]  # keeps a weak type
 
 
-@validation.at_once
+@tracing.at_once
 def _planar(given):
     angle, rate = given["angle"], given["rate"]
     direction = jnp.stack([jnp.cos(angle), jnp.sin(angle)])
     return direction, rate * jnp.stack([-direction[1], direction[0]]), _turns(angle, direction)
 
 
-@validation.at_once
+@tracing.at_once
 def _spatial(given):
     angle, rate, azimuth, azimuth_rate = (given[name] for name in ("angle", "rate", "azimuth", "azimuth_rate"))
     outward = jnp.stack([jnp.cos(azimuth), jnp.sin(azimuth), jnp.zeros_like(azimuth)])

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import calling, validation
+from ..core import calling, tracing, validation
 from ..motions.signal import on_clock
 
 _UNROLLED = 6
@@ -48,9 +48,9 @@ class Lagrangian(eqx.Module):
                 raise ValueError(
                     f"Lagrangian({name}={validation.given(value)}) is not a function; give one, such as lambda t, q, v: v @ v / 2."
                 )
-        self.function = validation.carried(function)
-        self.force = None if force is None else validation.carried(force)
-        self.solve = None if solve is None else validation.carried(solve)
+        self.function = tracing.carried(function)
+        self.force = None if force is None else tracing.carried(force)
+        self.solve = None if solve is None else tracing.carried(solve)
 
     def delayed(self, t0: Float[Array, ""]) -> "Lagrangian":
         """The same system on a clock that shows zero at t0 (s)."""
@@ -78,7 +78,7 @@ class Lagrangian(eqx.Module):
             calling.tried("Lagrangian(solve=)", "(t, q, b) -> M^-1 b, (N,)", self.solve, t, q, v, shapes=[q.shape])
 
     def _check_known(self, t, q, v):
-        if validation.known(q) and validation.known(v):
+        if tracing.known(q) and tracing.known(v):
             self.check(t, q, v)
 
     def momentum(self, t, q, v) -> Float[Array, " N"]:

@@ -8,12 +8,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import units, validation
+from ..core import precision, units, validation
 from ..integrators.splitting import AbstractSplit
 from ..motions.force import AbstractForce
-from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight, Placement, State, check_shapes
+from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight
 from ..motions.signal import signals
-from ..rods.rod import Lumped, Rod
+from ..motions.state import Placement, State, check_shapes
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from ..shapes.projection import Projection
 from . import energy
@@ -287,7 +289,7 @@ class System(eqx.Module):
     def splits_flat(self) -> bool:
         """Whether `split` is `Flat`: the strain is uniform, and 1 + eps would not cost float32 its digits."""
         hooke = isinstance(self.rod, Lumped) or self.rod.linear
-        return self.flat and not (hooke and validation.float_type(self) == jnp.float32)
+        return self.flat and not (hooke and precision.float_type(self) == jnp.float32)
 
     @property
     def unsplit(self) -> str:
@@ -329,8 +331,8 @@ def check_state(system: System, state: Any, name: str = "state") -> None:
 @eqx.filter_jit  # asked for in many places of a program, it is traced once for all of them
 def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Projection:
     # In the widest type there is: the shapes of a strong taper nearly cancel, and float32 has no digits to spare.
-    wide_rod, wide_pivot = validation.in_type(jnp.result_type(float), (rod, pivot))
-    return validation.in_type(validation.float_type(rod, pivot), basis.project(wide_rod, wide_pivot, free))
+    wide_rod, wide_pivot = precision.in_type(jnp.result_type(float), (rod, pivot))
+    return precision.in_type(precision.float_type(rod, pivot), basis.project(wide_rod, wide_pivot, free))
 
 
 def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:

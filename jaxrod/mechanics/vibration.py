@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .. import continuum
-from ..core import eigen, precision, validation
-from ..motions.motion import State
+from ..core import linear_algebra, precision, tracing, validation
+from ..motions.state import State
 from ..motions.stiffening import warn_of_forces
 from ..rods.rod import Rod
 from ..shapes.projection import Projection
@@ -41,7 +41,7 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
     [ 19.239  68.213 158.859]
     """
     check_system(system)
-    precision.warn_if_lowered(validation.float_type(system), system, ())
+    precision.warn_if_lowered(precision.float_type(system), system, ())
     warn_of_forces("natural_frequencies", system)
     return _looked_at(system)
 
@@ -71,7 +71,7 @@ def _frequencies_of(body: Projection, n: int) -> Float[Array, " n"]:
     if n < 2:
         return jnp.sqrt(jnp.diagonal(body.stiffness_matrix) / jnp.diagonal(body.strain_mass)) / (2 * jnp.pi)
     # M v = K v / omega^2: the lowest frequencies, the largest 1 / omega^2, come out best.
-    compliance, _ = eigen.eigh(body.strain_mass, body.stiffness_matrix)
+    compliance, _ = linear_algebra.eigh(body.strain_mass, body.stiffness_matrix)
     rigid = compliance <= jnp.finfo(compliance.dtype).eps * compliance[-1] / 8
     return jnp.where(rigid, jnp.inf, 1 / jnp.sqrt(jnp.where(rigid, 1.0, compliance)))[::-1] / (2 * jnp.pi)
 
@@ -93,7 +93,7 @@ def frequency_error(system: System) -> Float[Array, " n"]:
     return _percent_above(frequencies, continuum.natural_frequencies(bare, frequencies.shape[0]))
 
 
-@validation.at_once
+@tracing.at_once
 def _percent_above(found, exact):
     return 100 * (found / exact - 1)
 
@@ -195,7 +195,7 @@ def _modes(system, about):
     if n == 0:  # a rigid rod that is driven has no motion of its own
         none = jnp.zeros((0, about.direction.size), complex)
         return zero, zero, none, none[:, :0], unbalanced
-    w, v = eigen.eig(matrix)
+    w, v = linear_algebra.eig(matrix)
     # What is rounding: of a double zero, where the rod turns freely, its root; of growth a little of the largest.
     eps, largest = float(jnp.finfo(matrix.dtype).eps), jnp.max(jnp.abs(w), initial=0.0)
     w = jnp.where(jnp.abs(w) <= 7 * eps**0.5 * largest, 0.0, w)

@@ -19,11 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import calling, units, validation
-from ..core.scalarize import depends_on_first
+from ..core import calling, tracing, units, validation
+from ..core.tracing import depends_on_first
 from ..shapes.projection import Projection
-from .motion import AbstractMotion, AbstractPivoted, Placement, State
+from .motion import AbstractMotion, AbstractPivoted
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
+from .state import Placement, State
 
 _BESIDE = 0.1  # of every number of a state: one that is at rest nowhere
 
@@ -357,7 +358,7 @@ def _damping(name: str, value: Any, unit: str, what: str | None = None) -> Any:
 def _function(name: str, value: Any, unit: str) -> Any:
     if isinstance(value, AbstractSignal):
         value.fits(name, unit)
-    return validation.carried(value)
+    return tracing.carried(value)
 
 
 def _number(value: Any) -> Any:

@@ -15,11 +15,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core.scalarize import depends_on_first
+from ..core.tracing import depends_on_first
 from ..mechanics.lagrangian import Lagrangian
 from ..mechanics.system import System
-from .motion import State
 from .signal import at_each, signals
+from .state import State
 
 INSTANTS = 4097
 _CLOSER = 1024  # instants of the second look, at equal shares of the activity

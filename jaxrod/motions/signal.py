@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import units, validation
+from ..core import tracing, units, validation
 from ..core.scalarize import Undivided
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
@@ -312,7 +312,7 @@ def _within(value: Any) -> tuple[Any, ...]:
         if not _of_users(value):
             return ()
         names = value.__code__.co_names
-        cells = (validation.content(cell) for cell in value.__closure__ or ())
+        cells = (tracing.content(cell) for cell in value.__closure__ or ())
         used = (value.__globals__[name] for name in names if name in value.__globals__)
         return (*cells, *used, value.__defaults__, value.__kwdefaults__)
     if hasattr(value, "__dict__") and not isinstance(value, type | types.ModuleType | jax.Array):

@@ -8,17 +8,17 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 
-from ..core import validation
-from ..core.scalarize import depends_on_first
+from ..core import tracing, validation
+from ..core.tracing import depends_on_first
 from ..shapes.basis import Ritz
-from .motion import State
+from .state import State
 
 _LEAST = 1e-9  # stiffness of the forces, over that of the rod, that is worth a warning
 
 
 def warn_of_forces(name: str, system: Any) -> None:
     """Warn that `name` leaves out forces that stiffen or soften this scene; silent under transformations."""
-    if not getattr(system, "forces", ()) or not all(map(validation.known, jax.tree.leaves(system))):
+    if not getattr(system, "forces", ()) or not all(map(tracing.known, jax.tree.leaves(system))):
         return
     system = system if system.basis.n else dataclasses.replace(system, basis=Ritz(1))
     # A look at the program comes first: it costs no compilation.

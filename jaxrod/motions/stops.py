@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core import validation
+from ..core import tracing, validation
 from ..mechanics.system import System
 from .preview import Preview
 
@@ -73,11 +73,11 @@ def known_knots(system: System, clock, start, end) -> tuple[Float[Array, " K"] |
             f"a Record of the scene does not reach over the run, from {validation.shown(begin)} to {validation.shown(end)} s; add "
             "samples, or of a force one of zero at its end."
         )
-    return jnp.asarray(since(zero, found), start.dtype), None if validation.known(unknown) else unknown
+    return jnp.asarray(since(zero, found), start.dtype), None if tracing.known(unknown) else unknown
 
 
 def since(t0, ts) -> Any:
     """Times since t0: of known ones in float64, whatever the type of the run."""
-    if validation.known(t0) and validation.known(ts):
+    if tracing.known(t0) and tracing.known(ts):
         return np.asarray(ts, np.float64) - np.asarray(t0, np.float64)
     return jnp.asarray(ts) - jnp.asarray(t0)

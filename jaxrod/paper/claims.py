@@ -13,8 +13,10 @@ from jaxtyping import Array, Float
 from .. import continuum, plot
 from ..mechanics import vibration
 from ..mechanics.system import System
-from ..motions.motion import Flight, Rotation, State
-from ..rods.rod import Lumped, Rod
+from ..motions.motion import Flight, Rotation
+from ..motions.state import State
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from ..rods.section import Cone
 from ..runs.solution import Solution
 from ..shapes.basis import Ritz

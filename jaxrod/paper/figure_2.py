@@ -13,7 +13,8 @@ import numpy as np
 from ..continuum.neglected import model_limits
 from ..mechanics.system import System, check_system
 from ..motions.motion import Rotation
-from ..rods.rod import Lumped, Rod
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from ..rods.section import Cone
 from ..runs.solution import Solution
 from ..shapes.basis import Ritz

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import validation
+from ..core import precision, tracing, validation
 from ..core.quadrature import gauss
 from ..core.tracing import traced
 from .resolution import ORDER, Resolution, moments, resolve
@@ -34,7 +34,7 @@ def look_along(rod: Any, given: Any) -> Resolution:
     with jax.ensure_compile_time_eval():
         # Under jit a plain number is traced as soon as it is an array.
         length = given if isinstance(given, int | float | np.number) else jax.lax.stop_gradient(rod.length)
-        if not validation.known(length):
+        if not tracing.known(length):
             return Resolution(fixed=True)
         length = float(length)
         known = [_values(part, length, np.zeros(_BLOCK)) is not None for part in rod.parts]
@@ -56,10 +56,10 @@ def look_along(rod: Any, given: Any) -> Resolution:
             area = np.asarray(_values(rod.section, length, whole))[:17]
             pointed = area[[0, -1]] <= _POINT * np.max(area)
         knots = jax.lax.stop_gradient(rod.section.knots(jnp.asarray(length)))
-        knots = np.asarray(knots, float) if validation.known(knots) else np.zeros(0)
+        knots = np.asarray(knots, float) if tracing.known(knots) else np.zeros(0)
         inner = np.concatenate([rod.breaks, knots])
         ends = np.unique(np.concatenate([[0.0, length], inner[(inner > 0) & (inner < length)]]))
-        eps = float(jnp.finfo(validation.float_type(rod)).eps)
+        eps = float(jnp.finfo(precision.float_type(rod)).eps)
         found = dataclasses.replace(resolve(look, ends, eps), fixed=fixed)
         panels = np.unique(np.concatenate([ends, found.knots, found.jumps]))
         steep = [_steepest(part, length, panels) for part in rod.parts if getattr(part, "bare", False) and traced(part)]
@@ -105,7 +105,7 @@ def _values(part: Any, length: float, s: np.ndarray) -> np.ndarray | None:
     if not callable(getattr(part, "area", None)):
         return None
     values = jax.lax.stop_gradient(_area(part, jnp.asarray(length), s))
-    return np.asarray(values, float) if validation.known(values) else None
+    return np.asarray(values, float) if tracing.known(values) else None
 
 
 def _steepest(part: Any, length: float, ends: np.ndarray) -> tuple[float, float] | None:
@@ -145,7 +145,7 @@ def _integrands(x: Any, area: Any, modulus: Any, density: Any, pointed: Any) -> 
     return [density * area, modulus * area, weight / (modulus * area), xp.sqrt(density / modulus)]
 
 
-@validation.at_once
+@tracing.at_once
 def stands(rod: Any, ends: Float[Array, " panels+1"]) -> Bool[Array, ""]:
     """Whether the integrals on the panels between these ends stand still when each panel is divided."""
     start, half = ends[:-1, None], jnp.diff(ends)[:, None] / 2

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import calling, validation
+from ..core import calling, precision, tracing, validation
 from ..core.quadrature import Panels
 from ..core.tracing import deciding
 from . import plausibility
@@ -80,7 +80,7 @@ class Rod(eqx.Module):
             raise ValueError(
                 f"law={validation.given(law)} is not a strain law; give a function of strain such as jaxrod.law.green."
             )
-        self.law = validation.carried(law)
+        self.law = tracing.carried(law)
         self.section = (
             section if isinstance(section, AbstractSection) else Profile(section, getattr(section, "breaks", ()))
         )
@@ -120,7 +120,7 @@ class Rod(eqx.Module):
             raise ValueError(
                 f"Table(positions={positions}) must reach from 0 to length={validation.shown(self.length)} m."
             )
-        if all(map(validation.known, (s, area, modulus, density, self.length))):
+        if all(map(tracing.known, (s, area, modulus, density, self.length))):
             check_positive(s, area, modulus, density, self.length)
             s, area, modulus, density = (np.asarray(x, float) for x in (s, area, modulus, density))
             for doubt in (
@@ -133,7 +133,7 @@ class Rod(eqx.Module):
     def _check_size(self):
         """What squares, or the numbers' type, would lose."""
         _, *profiles, _ = _profiles(self)
-        if not all(map(validation.known, (self.length, *profiles))):
+        if not all(map(tracing.known, (self.length, *profiles))):
             return
         length = np.float64(self.length)
         area, modulus, density = (np.max(np.asarray(x, float)) for x in profiles)
@@ -202,7 +202,7 @@ class Rod(eqx.Module):
         near = jnp.abs(kinks - s) <= max(1e-9, 8 * eps) * length
         near = near if breaks or not self.breaks else near & self._jumping()
         undefined = jnp.any(near) | ((s <= 0) | (s >= length) if ends else jnp.asarray(False))
-        return validation.no_derivative(s, undefined) if self.breaks or ends else s
+        return tracing.no_derivative(s, undefined) if self.breaks or ends else s
 
     def _jumping(self) -> Bool[Array, " breaks"]:
         """Whether rigidity or mass per length jump at the breaks, or have but a kink there."""
@@ -242,7 +242,7 @@ class Rod(eqx.Module):
             resolved = self.resolved()
             ends = jnp.where(resolved, ends, jnp.nan)
             for number in self.deciding:  # what divides a profile has no derivative where the profile jumps
-                number = validation.no_derivative(number, jnp.logical_not(resolved) | jnp.any(self._jumping()))
+                number = tracing.no_derivative(number, jnp.logical_not(resolved) | jnp.any(self._jumping()))
                 ends = ends + jnp.sum(0.0 * number).astype(ends.dtype)
         return Panels(ends, order)
 
@@ -252,7 +252,7 @@ class Rod(eqx.Module):
         Coincident ends become one and the same number, so that a panel of no length does not grow under differentiation.
         Only `at` and the length move then: what is integrated is continuous at a knot, and breaks are constants.
         """
-        dtype = validation.float_type(self, list(at))
+        dtype = precision.float_type(self, list(at))
         length = self.length.astype(dtype)
         points = [jnp.zeros((), dtype), length, *(jnp.asarray(s, dtype) for s in at)]
         inner = [jnp.asarray(self.breaks), self.section.knots(self.length)]
@@ -292,7 +292,7 @@ class Rod(eqx.Module):
     # ---- as a whole
 
     @property
-    @validation.at_once
+    @tracing.at_once
     def wave_speed(self) -> Float[Array, ""]:
         """Speed of axial waves sqrt(E / rho) in m/s; of a composite rod, length over the time from end to end."""
         if not isinstance(self.young, Profile) and not isinstance(self.density, Profile):
@@ -301,7 +301,7 @@ class Rod(eqx.Module):
         return self.length / jnp.sum(ds * jnp.sqrt(self.mass_density(s) / self.modulus(s)))
 
     @property
-    @validation.at_once
+    @tracing.at_once
     def volume(self) -> Float[Array, ""]:
         """int A ds in m^3."""
         s, _ = self.quadrature()
@@ -314,13 +314,13 @@ class Rod(eqx.Module):
         return moment if self.tip_mass is None else moment + self.tip_mass * weight(self.length)
 
     @property
-    @validation.at_once
+    @tracing.at_once
     def mass(self) -> Float[Array, ""]:
         """int rho A ds in kg, and the body at the tip."""
         return self._mass_moment(jnp.ones_like)
 
     @property
-    @validation.at_once
+    @tracing.at_once
     def stiffness(self) -> Float[Array, ""]:
         """Axial rigidity summed over the length, int E A ds in N m: c l0^2 of the uniform strain."""
         s, _ = self.quadrature()
@@ -338,7 +338,7 @@ class Rod(eqx.Module):
         return inertia if self.tip_inertia is None else inertia + self.tip_inertia
 
     @property
-    @validation.at_once
+    @tracing.at_once
     def center_of_mass(self) -> Float[Array, ""]:
         """Distance x_C of the centre of mass from the root in m, unstretched."""
         return self.first_moment() / self.mass
@@ -353,48 +353,8 @@ class Rod(eqx.Module):
         return jnp.all(jnp.isfinite(positive) & (positive > 0)) & jnp.all(tip >= 0) & self.section.valid() & inside
 
 
-@validation.at_once
+@tracing.at_once
 def _profiles(rod: Rod):
     """Points along the rod, what it is made of there, and whether its section is known all along it."""
     s = Panels(rod._ends(), ORDER).s
     return s, rod.area(s), rod.modulus(s), rod.mass_density(s), rod.section.covers(rod.length)
-
-
-class Lumped(eqx.Module):
-    """A pivoted body with one uniform strain, given by three numbers: the spring pendulum with inertia.
-
-    With one strain a pivoted rod *is* this: inertia I, first moment S = m x_C and stiffness C = int E A ds.  It carries
-    formulas that no rod has (the paper's literal mixture) and the elastic-pendulum literature.
-
-    **Arguments:** `inertia` in kg m^2, `first_moment` in kg m (zero: pivoted at the centre of mass), `stiffness` in
-    N m (c l0^2 for a spring constant c), `length` in m.
-
-    A point mass m on a spring c of unstretched length l:
-
-    >>> import jaxrod
-    >>> m, c, l = 1.0, 33.0, 0.1
-    >>> jaxrod.Lumped(inertia=m * l**2, first_moment=m * l, stiffness=c * l**2, length=l)
-    Lumped(inertia=0.01, first_moment=0.1, stiffness=0.33, length=0.1)
-    """
-
-    inertia: Float[Array, ""]
-    first_moment: Float[Array, ""]
-    stiffness: Float[Array, ""]
-    length: Float[Array, ""]
-
-    def __init__(self, inertia, first_moment, stiffness, length):
-        self.inertia = validation.positive("inertia", inertia, "kg m^2")
-        self.first_moment = validation.number("first_moment", first_moment, unit="kg m")
-        self.stiffness = validation.positive(
-            "stiffness", stiffness, "N m", "N m (spring constant times length squared)"
-        )
-        self.length = validation.positive("length", length, "m")
-
-    def valid(self) -> Array:
-        """Whether the numbers make a body: the same questions as at construction, for traced values."""
-        numbers = jnp.stack([self.inertia, self.stiffness, self.length])
-        return jnp.all(jnp.isfinite(numbers) & (numbers > 0)) & jnp.isfinite(self.first_moment)
-
-    def __repr__(self):
-        names = ("inertia", "first_moment", "stiffness", "length")
-        return f"Lumped({', '.join(f'{name}={validation.brief(getattr(self, name))}' for name in names)})"

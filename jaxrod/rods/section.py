@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, units, validation
+from ..core import calling, tracing, units, validation
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _ROUND = 1e-6  # of the length: what a table may be short of the rod
@@ -224,7 +224,7 @@ class Profile(AbstractSection):
             raise ValueError(
                 f"section={validation.given(function)} is not a section; give Uniform, Cone, Table or a function of s."
             )
-        self.function = validation.carried(function)
+        self.function = tracing.carried(function)
         self.breaks = _increasing(breaks)
 
     @property

@@ -20,8 +20,9 @@ from ..mechanics.chart import AbstractChart
 from ..mechanics.equations import Condensed, Moving, critical_square, eigenvalues
 from ..mechanics.lagrangian import Lagrangian, Phase
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight, State
+from ..motions.motion import Driven, Flight
 from ..motions.preview import preview
+from ..motions.state import State
 from ..motions.stops import Stops, since
 from ..rods.rod import Rod
 from ..shapes.basis import QuasiStatic

@@ -9,14 +9,15 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .. import configuration
-from ..core import calling, precision, units, validation
+from ..core import calling, precision, tracing, units, validation
 from ..integrators.multistep import AbstractMultistep
 from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from ..mechanics.chart import AbstractChart
 from ..mechanics.lagrangian import Lagrangian
 from ..mechanics.system import System
 from ..mechanics.system import check_system as check_is_system
-from ..motions.motion import Driven, State, check_start
+from ..motions.motion import Driven
+from ..motions.state import State, check_start
 from ..motions.stops import known_knots, since
 from ..rods.rod import Rod
 from .fixed_steps import LEAST_TOLERANCE
@@ -81,7 +82,7 @@ def check_system(system: Any, start: Any) -> None:
 def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
     """What is run in many ways, and with float64 beside: a scene whose numbers are there."""
     check_system(system, start)
-    if not all(map(validation.known, jax.tree.leaves((system, start)))):
+    if not all(map(tracing.known, jax.tree.leaves((system, start)))):
         raise ValueError(f"the scene is traced; {instead}.")
     if jnp.result_type(float) != jnp.float64:
         raise ValueError(f"the exact rod needs float64: {configuration.remedy_of_float32()}.")

@@ -5,7 +5,7 @@ from typing import Any
 import diffrax
 import jax.numpy as jnp
 
-from ..core import validation
+from ..core import precision
 from ..integrators.multistep import AbstractMultistep, QuinlanTremaine10, QuinlanTremaine12
 from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6, StormerVerlet
 from ..mechanics.chart import AbstractChart, Angles, Director, Embedded, Strains
@@ -46,7 +46,7 @@ def default_chart(system: Any) -> AbstractChart:
     check_system(system)
     if isinstance(system.motion, Driven):
         return Strains()
-    if validation.float_type(system) == jnp.float32:
+    if precision.float_type(system) == jnp.float32:
         return Director()
     if system.motion.dimension == 2:
         return Angles()

@@ -23,8 +23,9 @@ from ..mechanics.splittings.multistep import Remembered
 from ..mechanics.splittings.uniform_strain import Flat
 from ..mechanics.splittings.unsplit import Whole
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight, State
+from ..motions.motion import Driven, Flight
 from ..motions.preview import INSTANTS, Preview, preview
+from ..motions.state import State
 from ..motions.stops import Stops
 from .invariants import energy_change, is_closed, over, with_start
 from .solution import Solution

@@ -7,7 +7,8 @@ from jaxtyping import Array, Float
 
 from ..mechanics import energy
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight, State
+from ..motions.motion import Driven, Flight
+from ..motions.state import State
 from ..shapes.basis import QuasiStatic
 
 

@@ -11,12 +11,13 @@ from jaxtyping import Array, Bool, Float, Int, Int8
 
 from .. import configuration
 from ..continuum.neglected import model_limits
-from ..core import validation
+from ..core import tracing, validation
 from ..core.result import Result
 from ..mechanics.chart import Director, Strains
 from ..mechanics.lagrangian import Lagrangian
 from ..mechanics.system import System
-from ..motions.motion import Driven, State
+from ..motions.motion import Driven
+from ..motions.state import State
 from ..rods.rod import Rod
 from .invariants import Ledger, account
 
@@ -156,7 +157,7 @@ class Solution(eqx.Module):
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
     def __str__(self):
-        if not validation.known(self.ts) or self.ts.ndim > 1:
+        if not tracing.known(self.ts) or self.ts.ndim > 1:
             return f"Solution of {self.ts.shape[0]} scenes by {self.method}"
         lines = [
             f"{self.ts.size} times to t = {self.stats['t_end']:.6g} s by {self.method}, {self.stats['num_steps']} steps "

@@ -16,9 +16,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import validation
+from ..core import tracing, validation
 from ..core.quadrature import Panels, legendre, local
-from ..rods.rod import Lumped, Rod
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
 from .projection import Projection, inverse_root, lumped
 
 
@@ -275,7 +276,7 @@ class QuasiStatic(AbstractBasis):
         return self.basis.strains(rod, s, pivot, free)
 
 
-@validation.at_once
+@tracing.at_once
 def _pointed(rod: Rod):
     return rod.section.pointed(rod.length)
 

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import linear_algebra
-from ..rods.rod import Lumped
+from ..rods.lumped import Lumped
 
 
 class Projection(eqx.Module):

@@ -19,7 +19,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...core.scalarize import Numbers, by_number
-from ...motions.motion import Flight, Rotation, State
+from ...motions.motion import Flight, Rotation
+from ...motions.state import State
 from ...shapes.projection import Projection
 from ..equations import Scene
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 
 from ...core.scalarize import by_number, gathered, scattered
 from ...integrators.splitting import Split
-from ...motions.motion import State
+from ...motions.state import State
 from ..chart import Strains
 from ..equations import Moving, Scene
 from .common import LONGEST_TURN, watched

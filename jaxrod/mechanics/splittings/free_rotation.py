@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from ...core.scalarize import Numbers, by_number, gathered, scattered
 from ...integrators.splitting import Split
-from ...motions.motion import Placement, State
+from ...motions.state import Placement, State
 from .. import energy
 from ..equations import Scene
 from .common import Center, held, watched, with_center

@@ -8,11 +8,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...core import validation
-from ...core.eigen import eigh
+from ...core import precision
+from ...core.linear_algebra import eigh
 from ...core.scalarize import Numbers
 from ...integrators.splitting import AbstractSplit, Split, Stage
-from ...motions.motion import State
+from ...motions.state import State
 from ...shapes.projection import Projection
 from .common import least, lowest, per_inertia
 
@@ -36,7 +36,7 @@ class AxialModes(eqx.Module):
     def __init__(self, body: Projection):
         dtype = body.mass_matrix.dtype
         # In the widest type there is: of the fastest modes float32 would lose (omega_k / omega_1)^2 times its rounding.
-        body = per_inertia(validation.in_type(jnp.result_type(float), body))
+        body = per_inertia(precision.in_type(jnp.result_type(float), body))
         n = body.stiffness_matrix.shape[0]
         mixed = body.mass_matrix[1:, 0]
         if n == 0:
@@ -48,7 +48,7 @@ class AxialModes(eqx.Module):
         rates, inverse, arms = jnp.sqrt(squares), shapes.T @ body.strain_mass, shapes.T @ mixed
         moments = jnp.concatenate([body.first_moments[:1], shapes.T @ body.first_moments[1:]])
         found = (rates, 1 / rates, arms, 1 - arms @ arms, moments, shapes, inverse)
-        self.rates, self.periods, self.arms, self.rest, self.moments, self.shapes, self.inverse = validation.in_type(
+        self.rates, self.periods, self.arms, self.rest, self.moments, self.shapes, self.inverse = precision.in_type(
             dtype, found
         )
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 
 from ...core.scalarize import Numbers, by_number, gathered, scattered
 from ...integrators.splitting import AbstractSplit, Split
-from ...motions.motion import State
+from ...motions.state import State
 from .. import energy
 from ..chart import Embedded
 from ..equations import Moving, Scene
