@@ -4,7 +4,7 @@
 
 64 scenes side by side on one core, equal steps in runs of few and of many: what the second take longer, over the
 stages that they have more.  What a scene takes besides, to begin, to save and to be judged, is what a run of few steps of
-rigid rods takes without them, 1,024 side by side.  Writes jaxrod/stage_costs.json and the part "stages" of
+rigid rods takes without them, 1,024 side by side.  Writes jaxrod/accuracy/stage_costs.json and the part "stages" of
 docs/accuracy_of_plans.md.
 """
 
@@ -98,7 +98,7 @@ def main() -> None:
     scene = {dtype: float(f"{besides(dtype):.3g}") for dtype in ("float64", "float32")}
     print("scene", scene, flush=True)
     table = json.dumps({"machine": report.machine(), "scene": scene, "ns": found}, indent=1)
-    (ROOT / "jaxrod" / "stage_costs.json").write_text(table + "\n", encoding="utf-8")
+    (ROOT / "jaxrod" / "accuracy" / "stage_costs.json").write_text(table + "\n", encoding="utf-8")
     rows = [
         [kind, dtype, ", ".join(f"{n}: {ns:.3g}" for n, ns in counted)]
         for kind, types in found.items()
@@ -108,7 +108,7 @@ def main() -> None:
     head = (
         "## What a stage takes\n\n`python benchmarks/calibration.py`: nanoseconds for each stage and scene, 64 scenes side "
         "by side on one core, by the number of strain shapes; and what a scene takes besides its steps. "
-        "jaxrod/stage_costs.json holds them for `jaxrod.plan`.\n\n"
+        "jaxrod/accuracy/stage_costs.json holds them for `jaxrod.plan`.\n\n"
     )
     report.write("stages", head + report.table(["step", "type", "shapes: ns"], rows), PAGE)
 

@@ -1,4 +1,5 @@
 from . import continuum as continuum
+from . import paper as paper
 from . import plot as plot
 from . import scenes as scenes
 from .accuracy import ladder as ladder
@@ -59,7 +60,6 @@ from .motions.signal import Impulse as Impulse
 from .motions.signal import Record as Record
 from .motions.state import State as State
 from .paper import claims as claims
-from .paper import figure_2 as figure_2
 from .rods import law as law
 from .rods.lumped import Lumped as Lumped
 from .rods.rod import Rod as Rod

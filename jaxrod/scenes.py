@@ -11,7 +11,7 @@ from .mechanics.system import System
 from .motions.force import TipForce
 from .motions.motion import Driven, Rotation, Spherical
 from .motions.state import State
-from .paper.figure_2 import corrected
+from .paper.reproduction import corrected
 from .rods.rod import Rod
 from .rods.section import Cone, Uniform
 from .shapes.basis import Ritz

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import jaxrod
+from jaxrod.__main__ import main
 from jaxrod.accuracy.ladder import at_rest, on_rung
 from jaxrod.accuracy.work_precision import Row, Tradeoff
-from jaxrod.cli import main
 
 
 def test_front():

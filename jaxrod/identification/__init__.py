@@ -1,1 +1,1 @@
-"""identification."""
+"""Parameters from measurements: `fitting` finds them and judges what it found, by `least_squares`."""

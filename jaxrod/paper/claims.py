@@ -21,9 +21,9 @@ from ..rods.section import Cone
 from ..runs.solution import Solution
 from ..shapes.basis import Ritz
 from ..simulation import simulate
-from . import figure_2
+from . import reproduction
 
-_INNER = slice(figure_2.SAMPLES // 10, -figure_2.SAMPLES // 10)  # where bands do not ring from the ends
+_INNER = slice(reproduction.SAMPLES // 10, -reproduction.SAMPLES // 10)  # where bands do not ring from the ends
 _SPLIT = 12.0  # Hz, between the turns (2.3 Hz and its harmonics) and the strain oscillation (23 Hz)
 
 
@@ -71,7 +71,7 @@ def measured(runs: dict[str, Solution], tips: dict[str, tuple[np.ndarray, np.nda
 def report(folder: pathlib.Path) -> str:
     """Writes the pictures, their data and the tables to `folder`, and returns the tables as Markdown."""
     folder.mkdir(parents=True, exist_ok=True)
-    runs = figure_2.both()
+    runs = reproduction.both()
     titles = {"as printed": "as printed: (14), arm l0/2", "corrected": "corrected: E V / l0², arm x_C"}
     slow = {
         title: tuple(split_bands(runs[name].ts, signal)[0] for signal in (runs[name].rate, runs[name].strain))
@@ -90,9 +90,9 @@ def report(folder: pathlib.Path) -> str:
             "## What the paper says, measured",
             _markdown(("The paper", "Measured here", "Verdict"), measured(runs, tips)),
             "## Its slips",
-            _markdown(("Where", "Printed", "Right"), figure_2.slips()),
+            _markdown(("Where", "Printed", "Right"), reproduction.slips()),
             "## What the model leaves out",
-            "\n".join(f"- **{name}**: {what}." for name, what in figure_2.omissions()),
+            "\n".join(f"- **{name}**: {what}." for name, what in reproduction.omissions()),
         ]
     )
     (folder / "claims.md").write_text(text + "\n", encoding="utf-8")
@@ -116,7 +116,7 @@ def _energy(runs) -> Claim:
         drift.append(np.max(np.abs(energy - energy[0])) / np.max(energy - weight + np.abs(weight)))
     return Claim(
         "The mechanical energy stayed constant.",
-        f"over {figure_2.DURATION:.0f} s to better than {_bound(max(drift)):.0e} of itself",
+        f"over {reproduction.DURATION:.0f} s to better than {_bound(max(drift)):.0e} of itself",
         "holds; but any potential conserves some energy: the check cannot see the slips in (14), (15)",
     )
 
@@ -157,9 +157,9 @@ def _slow_period(runs) -> list[Claim]:
     parts = []
     for name, sol in runs.items():
         slow, _ = split_bands(sol.ts, sol.rate)
-        turn = 2 * math.pi * figure_2.DURATION / np.asarray(sol.angle)[-1]
+        turn = 2 * math.pi * reproduction.DURATION / np.asarray(sol.angle)[-1]
         parts.append(f"{name}: {1 / frequency(sol.ts, slow):.3f} s (one turn: {turn:.3f} s)")
-    weightless = figure_2.figure_2(figure_2.corrected(gravity=0.0))
+    weightless = reproduction.figure_2(reproduction.corrected(gravity=0.0))
     swing = {
         name: float(np.ptp(split_bands(sol.ts, sol.strain)[0][_INNER]))
         for name, sol in (("with", runs["corrected"]), ("without", weightless))
@@ -179,13 +179,13 @@ def _slow_period(runs) -> list[Claim]:
 
 
 def _plane_motion() -> Claim:
-    flying = System(figure_2.rod(), Flight(), Ritz(1), figure_2.GRAVITY)
-    inertia, stiffness = _about_center(figure_2.rod())
-    turning = System(Lumped(inertia, 0.0, stiffness, figure_2.LENGTH), Rotation(), Ritz(1), figure_2.GRAVITY)
-    ts = jnp.linspace(0.0, 1.0, figure_2.SAMPLES)  # as many as in Figure 2: one compiled program runs both
+    flying = System(reproduction.rod(), Flight(), Ritz(1), reproduction.GRAVITY)
+    inertia, stiffness = _about_center(reproduction.rod())
+    turning = System(Lumped(inertia, 0.0, stiffness, reproduction.LENGTH), Rotation(), Ritz(1), reproduction.GRAVITY)
+    ts = jnp.linspace(0.0, 1.0, reproduction.SAMPLES)  # as many as in Figure 2: one compiled program runs both
     off = max(
         float(np.max(np.abs(np.asarray(getattr(flight, name)) - np.asarray(getattr(turn, name)))))
-        for flight, turn in [[simulate(x, x.state(rate=figure_2.SPIN), ts=ts) for x in (flying, turning)]]
+        for flight, turn in [[simulate(x, x.state(rate=reproduction.SPIN), ts=ts) for x in (flying, turning)]]
         for name in ("angle", "strain")
     )
     return Claim(
@@ -203,9 +203,12 @@ def _about_center(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
 def _weightless() -> dict[str, System]:
     """The uniform rod of the paper's last paragraph, and its cone, without gravity."""
     # Not Uniform and no gravity but numbers of the same kind as in Figure 2: one compiled program runs all of them.
-    mean = (figure_2.THIN + figure_2.THICK) / 2
-    sections = {"uniform rod": Cone(mean, mean), "the paper's cone": Cone(figure_2.THIN, figure_2.THICK)}
-    rods = {name: Rod(figure_2.LENGTH, section, figure_2.YOUNG, figure_2.DENSITY) for name, section in sections.items()}
+    mean = (reproduction.THIN + reproduction.THICK) / 2
+    sections = {"uniform rod": Cone(mean, mean), "the paper's cone": Cone(reproduction.THIN, reproduction.THICK)}
+    rods = {
+        name: Rod(reproduction.LENGTH, section, reproduction.YOUNG, reproduction.DENSITY)
+        for name, section in sections.items()
+    }
     return {name: System(rod, Rotation(), Ritz(1), gravity=0.0) for name, rod in rods.items()}
 
 
@@ -230,13 +233,13 @@ def _frequency_error(runs) -> list[Claim]:
 
 def released() -> tuple[np.ndarray, dict[str, tuple[np.ndarray, np.ndarray]]]:
     """Tips let go from uniform stretch: exact series and simulated model, over four travel times of a wave."""
-    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, figure_2.SAMPLES), {}  # as many as in Figure 2, for its program
-    shown = slice(None, None, figure_2.SAMPLES // 800)
+    strain, tau, tips = 0.01, np.linspace(0.0, 4.0, reproduction.SAMPLES), {}  # as many as in Figure 2, for its program
+    shown = slice(None, None, reproduction.SAMPLES // 800)
     for name, system in _weightless().items():
-        ts = tau * figure_2.LENGTH / math.sqrt(figure_2.YOUNG / figure_2.DENSITY)
+        ts = tau * reproduction.LENGTH / math.sqrt(reproduction.YOUNG / reproduction.DENSITY)
         exact = continuum.release(system, jnp.asarray(strain), jnp.asarray(ts[shown]))
         model = np.asarray(simulate(system, system.state(strain=strain), ts=ts).strain)[shown]
-        tips[name] = (np.asarray(exact) / (strain * figure_2.LENGTH), model / strain)
+        tips[name] = (np.asarray(exact) / (strain * reproduction.LENGTH), model / strain)
     return tau[shown], tips
 
 
@@ -254,11 +257,11 @@ def _slow_loads() -> Claim:
     parts = []
     for name, system in _weightless().items():
         square = (2 * math.pi * float(vibration.natural_frequencies(system)[0])) ** 2
-        model = figure_2.SPIN**2 / (square - figure_2.SPIN**2)
-        exact = float(continuum.steady_spin(system, jnp.asarray(figure_2.SPIN))) / figure_2.LENGTH
+        model = reproduction.SPIN**2 / (square - reproduction.SPIN**2)
+        exact = float(continuum.steady_spin(system, jnp.asarray(reproduction.SPIN))) / reproduction.LENGTH
         parts.append(f"{name}: {100 * (model / exact - 1):+.1f} %")
     return Claim(
         "For slowly changing loads the accuracy is acceptable.",
-        f"stretch of the tip at a steady {figure_2.SPIN:.0f} rad/s; " + "; ".join(parts),
+        f"stretch of the tip at a steady {reproduction.SPIN:.0f} rad/s; " + "; ".join(parts),
         "holds for the uniform rod; on a cone an error of shape stays however slow the load",
     )

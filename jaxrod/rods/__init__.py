@@ -1,1 +1,12 @@
-"""rods."""
+"""What a rod is: length, section, material, law, and bodies at its tip.
+
+    mass rho A per length,  stiffness E A,  both functions of the material coordinate s in 0 .. length
+
+`rod` puts a `section` (area along s) and a `law` (stress of a strain) together; `lumped` is a body of three numbers in place
+of it.  `looking` finds where such functions jump or bend, `resolution` the panels that integrate them; `plausibility` asks
+about numbers that no rod has in SI.
+
+Composes with any basis of `shapes` and any motion of `motions`; the exact rod (`continuum`) reads the same `Rod`.
+"""
+
+from . import law as law
