@@ -12,7 +12,6 @@ from ..core import precision
 from ..integrators.multistep import AbstractMultistep
 from ..integrators.symplectic import AbstractSymplectic
 from ..mechanics.system import System
-from ..motions.motion import Driven
 from ..shapes.basis import QuasiStatic
 
 
@@ -52,6 +51,6 @@ def way_of(system: System, solver: Any) -> str:
         return "multistep"
     if not isinstance(solver, AbstractSymplectic):
         return "condensed" if isinstance(system.basis, QuasiStatic) else "adaptive"
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         return "prescribed"
     return "flat" if system.splits_flat and not solver.small_kicks else "axial"

@@ -13,7 +13,6 @@ from ..mechanics.equations import Condensed
 from ..mechanics.lagrangian import solve_positive
 from ..mechanics.system import System, check_state, check_system
 from ..motions.force import KelvinVoigt, PivotFriction, ShakenBase, Torque
-from ..motions.motion import Driven
 from ..motions.state import State
 from ..rods.lumped import Lumped
 from ..rods.rod import Rod
@@ -34,7 +33,7 @@ def richer(system: System) -> type[AbstractBasis]:
 def condensable(system: System) -> bool:
     """Whether a `QuasiStatic` rung takes the scene: Hooke's law, and a motion that is not prescribed."""
     check_system(system)
-    return isinstance(system.rod, Rod) and system.rod.linear and not isinstance(system.motion, Driven)
+    return isinstance(system.rod, Rod) and system.rod.linear and not system.motion.prescribed
 
 
 def on_rung(system: System, start: State, basis: AbstractBasis) -> tuple[System, State]:
@@ -94,7 +93,7 @@ def at_rest(system: System, start: State, t0: Any = 0.0) -> State:
             f"a static strain is of Hooke's law; give start its strain, or leave out law={system.rod.law_name}."
         )
     none = jnp.zeros(0, start.direction.dtype)
-    chart = Strains() if isinstance(system.motion, Driven) else Director()
+    chart = Strains() if system.motion.prescribed else Director()
     q, v = chart.encode(system.motion, dataclasses.replace(start, amplitudes=none, amplitude_rates=none))
     amplitudes = Condensed(system.equations(chart).scene, chart).strain(t0, q, v)
     return dataclasses.replace(start, amplitudes=amplitudes, amplitude_rates=jnp.zeros_like(amplitudes))

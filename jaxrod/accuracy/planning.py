@@ -23,7 +23,6 @@ from .. import continuum
 from ..core import validation
 from ..core.precision import in_type
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight
 from ..motions.state import State
 from ..rods.lumped import Lumped
 from ..runs import arguments
@@ -234,7 +233,7 @@ class _Search:
             return
         rigid, following = self.closed_forms()
         # Driven, a rigid rod has nothing to move.
-        if rigid <= _HOPELESS * self.tolerance and not isinstance(self.system.motion, Driven):
+        if rigid <= _HOPELESS * self.tolerance and not self.system.motion.prescribed:
             yield self.rung(Ritz(0))
         if following <= _HOPELESS * self.tolerance and condensable(self.system):
             yield self.rung(QuasiStatic(LoadRitz(2)))
@@ -247,7 +246,7 @@ class _Search:
             return 0.0, 0.0
         system, start = self.system, self.start
         weight = 0.0
-        if system.gravity is not None and not isinstance(system.motion, Driven | Flight):
+        if system.gravity is not None and not (system.motion.prescribed or system.motion.flies):
             weight = float(jnp.sqrt(jnp.sum(system.gravity**2)))
         turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + 3 * weight / float(system.rod.length))
         delta = (

@@ -12,7 +12,6 @@ from ..core.result import Result
 from ..mechanics import equilibria
 from ..mechanics.chart import Local
 from ..mechanics.system import System
-from ..motions.motion import Driven
 from ..motions.state import State
 from ..runs import arguments
 from ..simulation import simulate
@@ -79,7 +78,7 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
             f"distance={validation.shown(distance)} of the starts must be below tolerance={validation.shown(tolerance)}; else nothing "
             "can be told from the first moment on."
         )
-    if isinstance(system.motion, Driven) and system.basis.n == 0:
+    if system.motion.prescribed and system.basis.n == 0:
         raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")
     return _horizon(system, start, t0, t1, tolerance, distance)
 
@@ -96,7 +95,7 @@ def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horiz
         reach = jax.vmap(system.body.reach)(run.states.amplitudes)
         return reach[:, None] * run.states.direction / system.rod.length, run.result
 
-    free = system.motion.dimension - 1 if not isinstance(system.motion, Driven) else 0
+    free = system.motion.dimension - 1 if not system.motion.prescribed else 0
     still = jnp.zeros(2 * (free + system.basis.n), dtype)
 
     def slope(direction):

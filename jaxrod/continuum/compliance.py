@@ -29,11 +29,11 @@ def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
         raise ValueError(f"system={validation.given(system)} is no scene; give a System(rod, motion, basis).")
     if isinstance(rod, Lumped):
         raise ValueError("rod=Lumped(...) has no length of material to vibrate; give a Rod(length, section, ...).")
-    pivot = getattr(system.motion, "pivot", None)
+    pivot = system.motion.pivot
     if pivot is not None and validation.fails(lambda s: s != 0, pivot):
         pivot = None
     pivot = None if pivot is None else rod.held_at(pivot)
-    return rod, pivot, not hasattr(system.motion, "pivot")
+    return rod, pivot, system.motion.flies
 
 
 def linear_support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:

@@ -18,7 +18,6 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motions.motion import Driven
 from ..motions.state import State, heading
 from .modes import Waves
 
@@ -61,7 +60,7 @@ class Dynamics(eqx.Module):
 
     @property
     def driven(self) -> bool:
-        return isinstance(self.motion, Driven)
+        return self.motion.prescribed
 
     # ---- from a state and back
 

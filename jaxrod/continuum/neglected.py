@@ -19,7 +19,6 @@ from jaxtyping import Array, Float
 
 from .. import continuum
 from ..core.linear_algebra import singular_values, svd
-from ..motions.motion import Driven
 from ..rods.rod import Rod
 from .mesh import mesh, safe_sqrt
 
@@ -72,7 +71,7 @@ def model_limits(system: Any) -> ModelLimits:
     slenderness 80 (length over radius of gyration)
     """
     rod, pivot, free = continuum.support(system)
-    support = "free" if free else "clamped" if isinstance(system.motion, Driven) else "hinged"
+    support = "free" if free else "clamped" if system.motion.prescribed else "hinged"
     return _limits(rod, pivot, support)
 
 

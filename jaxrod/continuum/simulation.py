@@ -20,7 +20,6 @@ from ..core import calling, precision, tracing, units, validation
 from ..core.result import Result
 from ..integrators.reversal import forward_refused, reversible
 from ..motions.force import TipForce
-from ..motions.motion import Driven
 from ..motions.preview import preview
 from ..motions.state import State, check_start
 from ..motions.stops import Stops, known_knots
@@ -250,7 +249,7 @@ def _run(
         system,
     )
     turning = start.direction_rate @ start.direction_rate
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         turning = system.motion.turning(t0)[1] ** 2
     return solution, turning - all_waves.omega[0] ** 2, jnp.asarray(False) if looked is None else looked.unseen
 

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..motions.motion import AbstractMotion, Driven, Flight
+from ..motions.motion import AbstractMotion
 from ..motions.state import Placement, State, heading
 from ..shapes.projection import Projection
 from . import energy
@@ -193,21 +193,21 @@ class Strains(AbstractChart):
     def size(self, motion):
         return 0
 
-    def place(self, motion: Driven, t, q):
+    def place(self, motion, t, q):
         angle, _, _ = motion.turning(t)
         return Placement(jnp.stack([jnp.cos(angle), jnp.sin(angle)]), q, None)
 
     def encode(self, motion, state):
         return Phase(state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion: Driven, body, t, q, v):
+    def kinetic(self, motion, body, t, q, v):
         _, rate, _ = motion.turning(t)
         return energy.kinetic_rotation(body, q, v, rate)
 
     def solve(self, motion, body, q, right):
         return body.solve_strain(right)
 
-    def turns(self, motion: Driven, t, q, counted):
+    def turns(self, motion, t, q, counted):
         del counted
         return jnp.round((motion.turning(t)[0] - heading(self.place(motion, t, q).direction)) / (2 * jnp.pi))
 
@@ -268,7 +268,7 @@ class Local(AbstractChart):
 
 def _parts(motion: AbstractMotion, q, size: int):
     """q cut into `size` coordinates of the director, the strain amplitudes, and in flight the centre of mass."""
-    if isinstance(motion, Flight):
+    if motion.flies:
         return q[:size], q[size : -motion.dimension], q[-motion.dimension :]
     return q[:size], q[size:], None
 

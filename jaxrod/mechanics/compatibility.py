@@ -11,7 +11,7 @@ import numpy as np
 
 from ..core import calling, tracing, validation
 from ..motions.force import AbstractForce, KelvinVoigt
-from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight
+from ..motions.motion import AbstractMotion
 from ..motions.state import Placement, State
 from ..rods.lumped import Lumped
 from ..rods.rod import Rod
@@ -53,7 +53,7 @@ def _try_forces(motion, basis, forces, body) -> None:
         strain,
         strain,
         np.zeros(()),
-        *((along, across) if isinstance(motion, Flight) else ()),
+        *((along, across) if motion.flies else ()),
     )
     t, state = np.zeros(()), State(*moving)
     for force in forces:
@@ -91,9 +91,9 @@ def _not_linear(force, t, state, rate, body):
 
 
 def _check_support(rod, motion, basis):
-    pivot = motion.pivot if isinstance(motion, AbstractPivoted) else None
+    pivot = motion.pivot
     if isinstance(rod, Lumped):
-        if isinstance(motion, Flight):
+        if motion.flies:
             raise ValueError("rod=Lumped(...) is a pivoted body without a mass; for Flight() give a Rod.")
         if pivot is not None:
             raise ValueError("rod=Lumped(...) is given about its pivot already; leave out pivot=.")
@@ -108,12 +108,12 @@ def _check_support(rod, motion, basis):
         raise ValueError(
             f"basis={validation.given(basis)} condenses Hooke's law only; leave out law= of the rod, or take {basis.basis!r}."
         )
-    if isinstance(basis, QuasiStatic) and isinstance(motion, Driven):
+    if isinstance(basis, QuasiStatic) and motion.prescribed:
         raise ValueError(
             f"basis={validation.given(basis)} leaves nothing to move where the rotation is Driven; take {basis.basis!r}, "
             "or jaxrod.equilibrium for the static strain."
         )
-    if isinstance(motion, AbstractPivoted):
+    if not motion.flies:
         pivot, length = jnp.zeros(()) if pivot is None else pivot, rod.length
         if validation.fails(np.less_equal, pivot, length):
             raise ValueError(

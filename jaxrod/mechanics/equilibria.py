@@ -11,7 +11,6 @@ from jaxtyping import Array, Float
 
 from ..core import precision, validation
 from ..core.linear_algebra import one_by_one, pinv
-from ..motions.motion import Driven, Flight
 from ..motions.state import State
 from ..shapes.basis import QuasiStatic
 from .chart import AbstractChart, Local, Strains
@@ -51,9 +50,9 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
         raise ValueError(
             f"spin={validation.brief(spin)} and momentum={validation.brief(momentum)} are both given; leave one out."
         )
-    if isinstance(system.motion, Driven) and not (angle is None and spin is None and momentum is None):
+    if system.motion.prescribed and not (angle is None and spin is None and momentum is None):
         raise ValueError("motion=Driven() turns as it is driven; leave out angle=, spin= and momentum=.")
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         _, rate, acceleration = system.motion.turning(0.0)
         if validation.fails(
             lambda rate, acceleration: np.abs(acceleration) <= 1e-9 * (1 + rate**2), rate, acceleration
@@ -83,7 +82,7 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
 def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
     """What to say where there is no equilibrium, with its likely causes."""
     what = ", ".join(f"{name}={validation.shown(value)}" for name, value in given.items())
-    driven, linear = isinstance(system.motion, Driven), getattr(system.rod, "linear", True)
+    driven, linear = system.motion.prescribed, getattr(system.rod, "linear", True)
     if _weighs(system) and ("spin" in given or "momentum" in given):
         causes = ["gravity acts, and a rod spinning in a vertical plane is never steady"]
     else:
@@ -103,7 +102,7 @@ def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
 def _search(system, angle, spin, momentum):
     dtype = precision.float_type(system, angle, spin, momentum)
     base = _guess(system, angle, spin).astype(dtype)
-    slopes = 0 if isinstance(system.motion, Driven) else base.size - 1
+    slopes = 0 if system.motion.prescribed else base.size - 1
     n = 0 if isinstance(system.basis, QuasiStatic) else system.basis.n
     rate = natural_rate(system)
 
@@ -139,7 +138,7 @@ def _search(system, angle, spin, momentum):
 
 def _weighs(system: System) -> bool:
     """Whether gravity acts in the plane in which the rod turns freely about a pivot."""
-    free = not isinstance(system.motion, Flight | Driven)
+    free = not (system.motion.prescribed or system.motion.flies)
     return free and system.motion.dimension == 2 and system.gravity is not None
 
 
@@ -183,12 +182,12 @@ def natural_rate(system: System) -> Float[Array, ""]:
 
 def chart_at(system: System, base, spin) -> AbstractChart:
     """Coordinates that turn steadily about a director."""
-    return Strains() if isinstance(system.motion, Driven) else Local(base, spin)
+    return Strains() if system.motion.prescribed else Local(base, spin)
 
 
 def _state(system: System, base, spin, q) -> State:
     state = system.equations(chart_at(system, base, spin)).decode(0.0, q, jnp.zeros_like(q))
-    if not isinstance(system.motion, Flight):
+    if not system.motion.flies:
         return state
     zero = jnp.zeros_like(state.direction)
     return eqx.tree_at(lambda s: (s.center, s.center_velocity), state, (zero, zero), is_leaf=lambda x: x is None)
@@ -197,12 +196,12 @@ def _state(system: System, base, spin, q) -> State:
 def _guess(system: System, angle, spin) -> Float[Array, " D"]:
     """The director to begin with."""
     dimension = system.motion.dimension
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         return jnp.zeros(dimension)
     down = jnp.zeros(dimension).at[-1].set(-1.0)
     if angle is not None:
         return jnp.zeros(dimension).at[0].set(jnp.cos(angle)).at[-1].set(jnp.sin(angle))
-    if system.gravity is None or isinstance(system.motion, Flight):
+    if system.gravity is None or system.motion.flies:
         return jnp.zeros(dimension).at[0].set(1.0)
     if system.gravity.ndim == 1:
         strength = jnp.sqrt(system.gravity @ system.gravity)

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import precision, tracing, validation
-from ..motions.motion import Driven, Flight
 from ..motions.state import State, heading
 
 _MANY_RADIANS = 30.0, 1080.0  # between which a multiple of 15 is taken for degrees
@@ -19,7 +18,7 @@ def started(
     system: Any, angle, rate, strain, strain_rate, amplitudes, amplitude_rates, azimuth, azimuth_rate, center, center_velocity
 ) -> State:  # fmt: skip
     """What `System.state` returns."""
-    space, flight = system.motion.dimension == 3, isinstance(system.motion, Flight)
+    space, flight = system.motion.dimension == 3, system.motion.flies
     for name, value, needed in (
         ("azimuth", azimuth, "Spherical()" if not space else ""),
         ("azimuth_rate", azimuth_rate, "Spherical()" if not space else ""),
@@ -31,7 +30,7 @@ def started(
             raise ValueError(
                 f"{name}={validation.given(value)} has no meaning for {kind}(); leave it out or take motion={needed}."
             )
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         held = [validation.number("angle", angle, unit="rad"), validation.number("rate", rate, unit="rad/s")]
         if any(validation.fails(lambda x: x == 0, x) for x in held):
             raise ValueError(

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ..core import precision, units, validation
 from ..integrators.splitting import AbstractSplit
 from ..motions.force import AbstractForce
-from ..motions.motion import AbstractMotion, AbstractPivoted, Driven, Flight
+from ..motions.motion import AbstractMotion
 from ..motions.signal import signals
 from ..motions.state import Placement, State, check_shapes
 from ..rods.lumped import Lumped
@@ -72,11 +72,11 @@ class System(eqx.Module):
 
     @property
     def _pivot(self) -> Float[Array, ""] | None:
-        return self.motion.pivot if isinstance(self.motion, AbstractPivoted) else None
+        return self.motion.pivot
 
     @property
     def _free(self) -> bool:
-        return isinstance(self.motion, Flight)
+        return self.motion.flies
 
     @property
     def origin(self) -> Float[Array, ""]:
@@ -161,7 +161,7 @@ class System(eqx.Module):
         check_state(self, state)
         rate = Placement(state.direction_rate, state.amplitude_rates, state.center_velocity)
         power = self._scene.power(t, state, rate)
-        return power + self.drive_torque(t, state) * state.rate if isinstance(self.motion, Driven) else power
+        return power + self.drive_torque(t, state) * state.rate if self.motion.prescribed else power
 
     def drive_torque(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
         """Moment in N m that a `Driven` rotation asks of its motor: growth of angular momentum less all other moments.
@@ -169,7 +169,7 @@ class System(eqx.Module):
         **Raises:** `ValueError` for other motions.
         """
         check_state(self, state)
-        if not isinstance(self.motion, Driven):
+        if not self.motion.prescribed:
             raise ValueError(f"motion={type(self.motion).__name__}() has no drive; take Driven(angle).")
         scene, (_, rate, acceleration) = self._scene, self.motion.turning(t)
         d, a = state.direction, state.amplitudes
@@ -245,7 +245,7 @@ class System(eqx.Module):
             raise ValueError(
                 f"chart={validation.given(chart)} is not a chart; give one, such as Angles() or Director()."
             )
-        if isinstance(chart, Strains) != isinstance(self.motion, Driven):
+        if isinstance(chart, Strains) != self.motion.prescribed:
             raise ValueError(
                 f"chart={validation.given(chart)} does not fit motion={type(self.motion).__name__}(); leave chart= out, or take "
                 "Strains() for Driven() and another for the rest."
@@ -281,7 +281,7 @@ class System(eqx.Module):
             raise ValueError(
                 f"a symplectic solver cannot step this scene: {self.unsplit}; take solver=diffrax.Dopri8()."
             )
-        if isinstance(self.motion, Driven):
+        if self.motion.prescribed:
             return Prescribed(self._scene, t0, start)
         return (Flat if self.splits_flat and not small_kicks else Axial)(self._scene, t0, start)
 
@@ -302,7 +302,7 @@ class System(eqx.Module):
             return "its forces act on a rod in flight"
         if isinstance(self.rod, Rod) and not self.rod.linear and not self.flat:
             return "its strain law is not linear"
-        if isinstance(self.motion, Driven) and not self.basis.n:
+        if self.motion.prescribed and not self.basis.n:
             return "nothing moves in it but what is driven"
         return ""
 

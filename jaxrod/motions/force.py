@@ -22,7 +22,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import calling, tracing, units, validation
 from ..core.tracing import depends_on_first
 from ..shapes.projection import Projection
-from .motion import AbstractMotion, AbstractPivoted
+from .motion import AbstractMotion
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 from .state import Placement, State
 
@@ -407,7 +407,7 @@ def _never(strength: Callable, times: Float[Array, " T"], state: State) -> Bool[
 
 
 def _check_pivot(force: AbstractForce, motion: AbstractMotion) -> None:
-    if not isinstance(motion, AbstractPivoted):
+    if motion.flies:
         raise ValueError(
             f"{type(force).__name__} needs a pivot and {type(motion).__name__}() has none; take Rotation() or leave it out."
         )

@@ -1,4 +1,4 @@
-"""How the rod is held, and the state of its motion.
+"""How the rod is held.
 
 Axes: in the plane x is horizontal and y up; in space x and y are horizontal and z up.  The director d is the unit
 vector along the rod from root to tip; angles are measured above the horizontal.
@@ -7,6 +7,7 @@ vector along the rod from root to tip; angles are measured above the horizontal.
 from typing import Any, ClassVar
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -16,10 +17,40 @@ from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, 
 
 
 class AbstractMotion(eqx.Module):
-    """What holds the rod.  `dimension` is that of the space the director lives in; `prescribed`, whether it is driven."""
+    """How a rod is held: the facts from which coordinates, splittings and starts are chosen.
+
+    A motion of your own is a subclass with a `dimension`, a `pivot`, and what else differs from these:
+
+    - `dimension`: of the space the director lives in, 2 or 3 (in space the vertical is a pole of the angles);
+    - `prescribed`: whether the rotation is given, by `turning`, and the strain alone moves;
+    - `flies`: whether no point is held: the centre of mass decouples, and gravity acts on it alone;
+    - `pivot`: the point that is held, in m from the root; None where it is the root itself, and in flight;
+    - `pull`: what gravity does in it.
+    """
 
     dimension: ClassVar[int]
     prescribed: ClassVar[bool] = False
+    flies: ClassVar[bool] = False
+    pivot: eqx.AbstractVar[Float[Array, ""] | None]
+
+    def turning(self, t) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """Angle (rad), rate and acceleration at time t of a rotation that is prescribed.
+
+        **Raises:** `ValueError` for any other.
+        """
+        raise ValueError(f"motion={type(self).__name__}() has no drive; take Driven(angle).")
+
+    def largest_rate(self, times: Float[Array, " T"]) -> Float[Array, ""]:
+        """The fastest that the rod is driven, in rad/s, at any of these times; zero where it moves freely."""
+        if not self.prescribed:
+            return jnp.zeros_like(times[0])
+        return jnp.max(jnp.abs(jax.vmap(self.turning)(times)[1]))
+
+    def pull(self, gravity: Float[Array, ""] | Float[Array, " D"]) -> Float[Array, " D"]:
+        """The acceleration of gravity in m/s^2 as a vector: given as one, or as a number, downwards."""
+        if gravity.ndim == 1:
+            return gravity
+        return jnp.zeros(self.dimension, gravity.dtype).at[-1].set(-gravity)
 
     def unknown(self, t0: Float[Array, ""], t1: Float[Array, ""]) -> Bool[Array, ""]:
         """Whether a `Record` of what is prescribed does not reach over a run from t0 to t1 (s)."""
@@ -36,13 +67,7 @@ class AbstractMotion(eqx.Module):
         return self
 
 
-class AbstractPivoted(AbstractMotion):
-    """A point of the rod is fixed: `pivot`, its distance from the root in m, or None where it is the root itself."""
-
-    pivot: eqx.AbstractVar[Float[Array, ""] | None]
-
-
-class Rotation(AbstractPivoted):
+class Rotation(AbstractMotion):
     """Turning about a fixed horizontal axis through the rod: equation (4).
 
     **Arguments:** `pivot`, distance of the axis from the root in m (0: the rod hangs on its root).
@@ -55,7 +80,7 @@ class Rotation(AbstractPivoted):
         self.pivot = _inside(pivot)
 
 
-class Spherical(AbstractPivoted):
+class Spherical(AbstractMotion):
     """Turning in space about a fixed point of the rod: equation (8).
 
     **Arguments:** `pivot`, distance of the fixed point from the root in m.
@@ -68,7 +93,7 @@ class Spherical(AbstractPivoted):
         self.pivot = _inside(pivot)
 
 
-class Driven(AbstractPivoted):
+class Driven(AbstractMotion):
     """Turning about a fixed horizontal axis as a motor prescribes it; the strain is the only motion left.
 
     **Arguments:** `angle`, a function of time t (s) that gives the angle above the horizontal in rad, twice
@@ -99,8 +124,7 @@ class Driven(AbstractPivoted):
         self.angle = tracing.carried(angle)
         self.pivot = _inside(pivot)
 
-    def turning(self, t) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
-        """Angle, rate and acceleration at time t."""
+    def turning(self, t):
         return twice(self.angle, jnp.asarray(t) * 1.0)
 
     def unseen(self, times):
@@ -125,6 +149,11 @@ class Flight(AbstractMotion):
     """Free motion in a vertical plane: equation (6).  The centre of mass decouples; gravity acts on it alone."""
 
     dimension: ClassVar[int] = 2
+    flies: ClassVar[bool] = True
+
+    @property
+    def pivot(self) -> None:
+        return None
 
 
 def _inside(pivot):

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import tracing, validation
-from .motion import AbstractMotion, Flight
+from .motion import AbstractMotion
 
 
 class Placement(NamedTuple):
@@ -142,7 +142,7 @@ def check_shapes(motion: AbstractMotion, n: int, start: Any, name: str) -> None:
         raise ValueError(
             f"{name}={validation.given(start)} is not a state; make it by system.state(angle=..., rate=...)."
         )
-    dimension, flight = motion.dimension, isinstance(motion, Flight)
+    dimension, flight = motion.dimension, motion.flies
     if start.direction.shape != (dimension,) or start.amplitudes.shape != (n,) or (start.center is None) == flight:
         raise ValueError(
             f"{name} has director of shape {start.direction.shape} and strains of shape {start.amplitudes.shape}, but this "

@@ -42,7 +42,7 @@ def _share(system):
 def _pushes(system):
     """Generalized forces on the strain as a function of it, at rest at t = 0: level and hanging."""
     size, zero = system.motion.dimension, jnp.zeros(())
-    still, center = jnp.zeros(size), None if hasattr(system.motion, "pivot") else jnp.zeros(size)
+    still, center = jnp.zeros(size), jnp.zeros(size) if system.motion.flies else None
 
     def pushes(amplitudes):
         def power(rates, direction):

@@ -20,7 +20,6 @@ from ..mechanics.chart import AbstractChart
 from ..mechanics.equations import Condensed, Moving, critical_square, eigenvalues
 from ..mechanics.lagrangian import Lagrangian, Phase
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight
 from ..motions.preview import preview
 from ..motions.state import State
 from ..motions.stops import Stops, since
@@ -223,7 +222,7 @@ def _by_error(system, start, y0, t0, duration, atol, longest) -> diffrax.PIDCont
     if isinstance(system, Lagrangian):
         return diffrax.PIDController(rtol=atol, atol=atol, dtmin=_least_step(duration), force_dtmin=False)
     weight = jnp.ones_like(y0.phase.q)
-    if isinstance(system.motion, Flight):
+    if system.motion.flies:
         weight = weight.at[-system.motion.dimension :].set(1 / system.rod.length)
     slowest, fastest = jax.lax.stop_gradient(_natural_rates(system, start, duration, t0))
     # At rest there is no error to see, yet a gradient asks how the rod would move: steps resolve its fastest rate anyway.
@@ -243,9 +242,9 @@ def _natural_rates(system: System, start: State, duration, t0) -> tuple[Float[Ar
     """
     body = system.body
     square = start.direction_rate @ start.direction_rate + 1 / duration**2
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         square = system.motion.turning(t0)[1] ** 2 + 1 / duration**2
-    if system.gravity is not None and not isinstance(system.motion, Flight):
+    if system.gravity is not None and not system.motion.flies:
         weight = jnp.sqrt(jnp.sum(system.gravity**2))
         square = square + jnp.abs(weight * body.first_moments[0]) / body.mass_matrix[0, 0]
     if system.basis.n == 0 or isinstance(system.basis, QuasiStatic):

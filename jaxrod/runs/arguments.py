@@ -16,7 +16,6 @@ from ..mechanics.chart import AbstractChart
 from ..mechanics.lagrangian import Lagrangian
 from ..mechanics.system import System
 from ..mechanics.system import check_system as check_is_system
-from ..motions.motion import Driven
 from ..motions.state import State, check_start
 from ..motions.stops import known_knots, since
 from ..rods.rod import Rod
@@ -100,7 +99,7 @@ def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | 
         raise ValueError(f"solver={name}() cannot step this scene: {why}; take solver=diffrax.Dopri8().")
     if chart is not None:
         raise ValueError(f"solver={name}() has coordinates of its own; leave out chart={validation.given(chart)}.")
-    if solver.needs_nystrom and system.basis.n and not (system.splits_flat or isinstance(system.motion, Driven)):
+    if solver.needs_nystrom and system.basis.n and not (system.splits_flat or system.motion.prescribed):
         raise ValueError(
             f"solver={name}() keeps its order for uniform strain, rigid and driven rods alone; take ABA864() or BlanesMoan4()."
         )
@@ -108,7 +107,7 @@ def check_split(system: Any, solver: AbstractSymplectic, chart: AbstractChart | 
 
 def check_multistep(system: Any, solver: AbstractMultistep, alone: bool) -> None:
     name = type(solver).__name__
-    free = isinstance(system, System) and not isinstance(system.motion, Driven)
+    free = isinstance(system, System) and not system.motion.prescribed
     if not (free and system.splits_flat) or system.unsplit:
         raise ValueError(
             f"solver={name}() is for uniform strain (Ritz(1)) in float64 that moves freely, without forces that depend on rates; "

@@ -11,7 +11,6 @@ from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6, St
 from ..mechanics.chart import AbstractChart, Angles, Director, Embedded, Strains
 from ..mechanics.lagrangian import Lagrangian
 from ..mechanics.system import System, check_system
-from ..motions.motion import Driven
 
 
 def default_solver(system: System | Lagrangian) -> diffrax.AbstractSolver:
@@ -44,7 +43,7 @@ def default_chart(system: Any) -> AbstractChart:
     Embedded()
     """
     check_system(system)
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         return Strains()
     if precision.float_type(system) == jnp.float32:
         return Director()
@@ -60,7 +59,7 @@ def best_solver(system: System | Lagrangian) -> tuple[diffrax.AbstractSolver, st
     check_system(system)
     if system.unsplit:
         return diffrax.Dopri8(), f"adaptive, because {system.unsplit}"
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         return BlanesMoan6(), "symplectic, the oscillators of the strain exact"
     if system.basis.n == 0:
         return BlanesMoan6(), "symplectic, the turning of the rigid rod exact"
@@ -74,7 +73,7 @@ def solvers(system: System) -> list[Any]:
     best = default_solver(system)
     if not by_equal_steps(best):
         return [best]
-    if isinstance(system.motion, Driven) or not system.splits_flat:
+    if system.motion.prescribed or not system.splits_flat:
         return [best, StormerVerlet()]
     return [best, StormerVerlet(), ABA864(), QuinlanTremaine10(), QuinlanTremaine12()]
 

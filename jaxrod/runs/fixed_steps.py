@@ -23,7 +23,6 @@ from ..mechanics.splittings.multistep import Remembered
 from ..mechanics.splittings.uniform_strain import Flat
 from ..mechanics.splittings.unsplit import Whole
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight
 from ..motions.preview import INSTANTS, Preview, preview
 from ..motions.state import State
 from ..motions.stops import Stops
@@ -75,9 +74,9 @@ def _turning(system: System, start: State, t0, t1, looked: Preview | None) -> Fl
     square = start.direction_rate @ start.direction_rate
     if looked is not None:
         square = square + 2 * looked.gained * jnp.sqrt(square) + looked.gained**2
-    if isinstance(system.motion, Driven):
+    if system.motion.prescribed:
         square = jnp.max(jax.vmap(system.motion.turning)(jnp.linspace(t0, t1, INSTANTS))[1] ** 2)
-    if system.gravity is not None and not isinstance(system.motion, Flight):
+    if system.gravity is not None and not system.motion.flies:
         weight = jnp.sqrt(jnp.sum(system.gravity**2))
         square = square + 4 * jnp.abs(weight * system.body.first_moments[0]) / system.body.mass_matrix[0, 0]
     return jax.lax.stop_gradient(square)
@@ -187,7 +186,7 @@ def _trusted(
     """
     name, closed = t0.dtype.name, is_closed(system)
     ahead = _strain_ahead(system, start, _turning(system, start, t0, ts[-1], previewed))
-    trusted = isinstance(system.motion, Driven) | (ahead <= _HOPELESS[name])
+    trusted = system.motion.prescribed | (ahead <= _HOPELESS[name])
     if name == "float32" and system.basis.n > 1:
         trusted = trusted & (_condition(system) * jnp.finfo(t0.dtype).eps <= tolerance)
     always = not closed or name == "float32"
@@ -207,7 +206,7 @@ def _trusted(
 
 def _may_linger(system: System, start: State) -> Bool[Array, ""]:
     """Whether the rod may come to a stop near its inverted equilibrium, where what it is off by grows exponentially."""
-    if system.gravity is None or isinstance(system.motion, Flight):
+    if system.gravity is None or system.motion.flies:
         return jnp.asarray(False)
     body, straight = system.body, jnp.zeros_like(start.amplitudes)
     energy = kinetic_director(body, straight, straight, start.direction_rate)

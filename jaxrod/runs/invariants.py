@@ -7,7 +7,6 @@ from jaxtyping import Array, Float
 
 from ..mechanics import energy
 from ..mechanics.system import System
-from ..motions.motion import Driven, Flight
 from ..motions.state import State
 from ..shapes.basis import QuasiStatic
 
@@ -66,7 +65,7 @@ def with_start(start: State, states: State) -> State:
 
 def is_closed(system: System) -> bool:
     """Whether nothing feeds or drains the scene: no forces beside weight, no drive."""
-    return not system.forces and not isinstance(system.motion, Driven)
+    return not system.forces and not system.motion.prescribed
 
 
 def energy_change(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, ""]]:
@@ -74,7 +73,7 @@ def energy_change(system: System, states: State) -> tuple[Float[Array, " T"], Fl
 
     In flight without the centre of mass, which decouples and falls exactly.
     """
-    body, flies = system.body, isinstance(system.motion, Flight)
+    body, flies = system.body, system.motion.flies
 
     def parts(state):
         turning = energy.kinetic_director(body, state.amplitudes, state.amplitude_rates, state.direction_rate)
@@ -106,7 +105,7 @@ def _kept(system: System, states: State) -> tuple[Float[Array, ""] | None, Float
 def _axis(system: System) -> Float[Array, "D kept"] | None:
     """Directions along which the angular momentum is kept, as columns; in the plane there is one; None if there are none."""
     dimension, gravity = system.motion.dimension, system.gravity
-    if gravity is None or isinstance(system.motion, Flight):
+    if gravity is None or system.motion.flies:
         return jnp.eye(dimension, dtype=system.body.mass_matrix.dtype)
     if dimension == 2:
         return None

@@ -16,7 +16,6 @@ from ..core.result import Result
 from ..mechanics.chart import Director, Strains
 from ..mechanics.lagrangian import Lagrangian
 from ..mechanics.system import System
-from ..motions.motion import Driven
 from ..motions.state import State
 from ..rods.rod import Rod
 from .invariants import Ledger, account
@@ -152,7 +151,7 @@ class Solution(eqx.Module):
             where += f"; the longest step that can be stable is {longest:.4g} s"
         system, stopped = self.system, bad.size == 1 and bool(np.all(self.result == Result.max_steps))
         if stopped and isinstance(system, System) and system.forces and _overdamped(system, self.start):
-            chart = "" if isinstance(system.motion, Driven) else ", chart=jaxrod.Director()"
+            chart = "" if system.motion.prescribed else ", chart=jaxrod.Director()"
             where += f"; damping is stiffer than any vibration: take solver=diffrax.Kvaerno5(){chart}"
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
@@ -210,7 +209,7 @@ def _overdamped(system: System, start: State) -> bool:
 @eqx.filter_jit
 def _slopes(system: System, start: State) -> tuple[Array, Array]:
     """Derivatives of the accelerations at the start, by coordinates and by velocities."""
-    equations = system.equations(Strains() if isinstance(system.motion, Driven) else Director())
+    equations = system.equations(Strains() if system.motion.prescribed else Director())
     q, v = equations.encode(0.0, start)
     return jax.jacfwd(lambda q, v: equations.acceleration(0.0, q, v), argnums=(0, 1))(q, v)
 

@@ -19,7 +19,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ...core.scalarize import Numbers, by_number
-from ...motions.motion import Flight, Rotation
+from ...motions.motion import Rotation
 from ...motions.state import State
 from ...shapes.projection import Projection
 from ..equations import Scene
@@ -45,7 +45,7 @@ class Center(eqx.Module):
     @staticmethod
     def of(scene: Scene, t0, start: State) -> "Center | None":
         """That of a flight, else None."""
-        if not isinstance(scene.motion, Flight):
+        if not scene.motion.flies:
             return None
         assert start.center is not None and start.center_velocity is not None
         down = jnp.zeros_like(start.center)
@@ -86,7 +86,7 @@ def per_inertia(body: Projection) -> Projection:
 
 def held(scene: Scene, body: Projection) -> Scene:
     """The scene of the turning alone: in flight about the centre of mass, where nothing weighs."""
-    if isinstance(scene.motion, Flight):
+    if scene.motion.flies:
         return Scene(Rotation(), body, None, scene.forces)
     return Scene(scene.motion, body, scene.gravity, scene.forces)
 

@@ -6,7 +6,6 @@ import jax.numpy as jnp
 
 from ...core.scalarize import by_number, gathered, scattered
 from ...integrators.splitting import AbstractStepped, Split
-from ...motions.motion import Driven
 from ..chart import Director, Embedded, Strains
 from ..equations import Condensed, Moving, eigenvalues
 from ..system import System
@@ -22,7 +21,7 @@ class Whole(AbstractStepped):
 
     def __init__(self, system: System):
         flat = Embedded() if system.flat else Director()
-        self.equations = system.equations(Strains() if isinstance(system.motion, Driven) else flat)
+        self.equations = system.equations(Strains() if system.motion.prescribed else flat)
         self.numbers = scattered(self.equations)
         self.field = scattered(watched(system.body.strains))
 
