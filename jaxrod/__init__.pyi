@@ -76,7 +76,7 @@ from .shapes.basis import ForceRitz as ForceRitz
 from .shapes.basis import QuasiStatic as QuasiStatic
 from .shapes.basis import Ritz as Ritz
 from .shapes.load_basis import LoadRitz as LoadRitz
-from .simulation import Reversible as Reversible
+from .runs.execution import Reversible as Reversible
 from .simulation import simulate as simulate
 
 __version__: str

@@ -31,7 +31,7 @@ from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
-from ..simulation import simulate
+from ..runs.execution import run
 from . import cost_model
 from .error_budget import NUDGE, nudged, parted
 from .ladder import brought, condensable, richer
@@ -333,7 +333,7 @@ class _Search:
 
     def simulated(self, system: System, start: State, **how) -> Solution:
         ts = self.ts.astype(start.direction.dtype)
-        return simulate(system, start, t0=self.t0, ts=ts, throw=False, max_steps=_MOST_STEPS, **how)
+        return run(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **how)
 
     def asked(self, solution: Solution) -> np.ndarray:
         """The quantity, NaN if the run does not reach its end."""

@@ -19,7 +19,7 @@ from jaxtyping import Array, Float
 from ..core import tracing, validation
 from ..rods.lumped import Lumped
 from ..rods.rod import Rod
-from .mesh import Mesh, mesh, panel_ends, safe_sqrt
+from .mesh import Mesh, panel_ends, safe_sqrt
 
 
 def support(system: Any) -> tuple[Rod, Float[Array, ""] | None, bool]:
@@ -84,7 +84,7 @@ def axial(rod: Rod, pivot: Any, free: bool, order: int) -> Axial:
     """The compliance of this rod to axial forces on `order` nodes for each panel, supported as `support` says."""
     # In flight any point will do to measure from; from the centre of mass nothing large cancels.
     start = jax.lax.stop_gradient(rod.center_of_mass) if free else pivot
-    grid = mesh(rod, [] if start is None else [start], order)
+    grid = Mesh.of(rod, [] if start is None else [start], order)
     weight, reach = safe_sqrt(grid.mass), grid.reach(start)
     if free:
         share = grid.mass / jnp.sum(grid.mass)

@@ -24,6 +24,27 @@ class Mesh(NamedTuple):
     s_mass: Float[Array, " M"]
     mass: Float[Array, " M"]
 
+    @staticmethod
+    def of(rod: Rod, at: list[Float[Array, ""]], order: int) -> "Mesh":
+        """The rod on `order` nodes for each panel; panels end at `at` (m) too."""
+        dtype = precision.float_type(rod, at)
+        ends = panel_ends(rod, at)
+        x, w = (jnp.asarray(column, dtype) for column in gauss(order))
+        half = jnp.diff(ends)[:, None] / 2
+        s, ds = (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
+        panels = half.shape[0]
+        panel = jnp.arange(panels * order) // order
+        inner = jnp.tile(jnp.asarray(_running_integral(order), dtype), (panels, panels))
+        within = jnp.where(panel[:, None] == panel[None, :], inner, (panel[:, None] > panel[None, :]).astype(dtype))
+        within = jnp.concatenate([within, jnp.ones((1, s.size), dtype)])
+        mass = ds * rod.mass_density(s) * rod.area(s)
+        if rod.tip_mass is None:
+            return Mesh(s, ds, within, s, mass)
+        # A rounding error of mass, for a derivative at no mass at all: the square root has none there.
+        tip = rod.tip_mass + jax.lax.stop_gradient(jnp.finfo(dtype).eps * jnp.sum(mass))
+        s_tip = rod.length.astype(dtype)
+        return Mesh(s, ds, within, jnp.append(s, s_tip), jnp.append(mass, tip.astype(dtype)))
+
     def reach(self, start: Float[Array, ""] | None) -> Float[Array, "N+1 N"]:
         """1 where a strain at s_j moves the point s_i (-1 on the root's side), both on one side of `start`.
 
@@ -36,27 +57,6 @@ class Mesh(NamedTuple):
         far_rows = jnp.concatenate([far, jnp.ones(1, bool)])[:, None]
         kernel = jnp.where(far_rows, self.within, self.within - 1)
         return jnp.where(far_rows == far[None, :], kernel, 0.0)
-
-
-def mesh(rod: Rod, at: list[Float[Array, ""]], order: int) -> Mesh:
-    """The rod on `order` nodes for each panel; panels end at `at` (m) too."""
-    dtype = precision.float_type(rod, at)
-    ends = panel_ends(rod, at)
-    x, w = (jnp.asarray(column, dtype) for column in gauss(order))
-    half = jnp.diff(ends)[:, None] / 2
-    s, ds = (ends[:-1, None] + half * (1 + x)[None, :]).reshape(-1), (half * w[None, :]).reshape(-1)
-    panels = half.shape[0]
-    panel = jnp.arange(panels * order) // order
-    inner = jnp.tile(jnp.asarray(_running_integral(order), dtype), (panels, panels))
-    within = jnp.where(panel[:, None] == panel[None, :], inner, (panel[:, None] > panel[None, :]).astype(dtype))
-    within = jnp.concatenate([within, jnp.ones((1, s.size), dtype)])
-    mass = ds * rod.mass_density(s) * rod.area(s)
-    if rod.tip_mass is None:
-        return Mesh(s, ds, within, s, mass)
-    # A rounding error of mass, for a derivative at no mass at all: the square root has none there.
-    tip = rod.tip_mass + jax.lax.stop_gradient(jnp.finfo(dtype).eps * jnp.sum(mass))
-    s_tip = rod.length.astype(dtype)
-    return Mesh(s, ds, within, jnp.append(s, s_tip), jnp.append(mass, tip.astype(dtype)))
 
 
 def safe_sqrt(x: Float[Array, "*any"]) -> Float[Array, "*any"]:

@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 from .. import continuum
 from ..core.linear_algebra import singular_values, svd
 from ..rods.rod import Rod
-from .mesh import mesh, safe_sqrt
+from .mesh import Mesh, safe_sqrt
 
 _NU = 0.5  # Poisson's ratio at its greatest, of rubber: the most that lateral inertia can do
 _ORDER = 24  # nodes for each panel
@@ -95,7 +95,7 @@ def _bending(rod: Rod, pivot: Any, support: str, n: int = 2, order: int = _ORDER
     center = rod.center_of_mass
     held = center if support == "free" else pivot
     turned = held if support == "clamped" else center
-    grid = mesh(rod, [x for x in (held, turned) if x is not None], order)
+    grid = Mesh.of(rod, [x for x in (held, turned) if x is not None], order)
     compliance = safe_sqrt(grid.ds / (rod.modulus(grid.s) * _second_moment(rod, grid.s)))
     slope = grid.reach(turned)
     # Deflection of the nodes and the tip per curvature at the nodes.

@@ -20,7 +20,7 @@ from ..core import calling, precision, tracing, units, validation
 from ..core.result import Result
 from ..integrators.reversal import forward_refused, reversible
 from ..motions.force import TipForce
-from ..motions.preview import preview
+from ..motions.preview import Preview
 from ..motions.state import State, check_start
 from ..motions.stops import Stops, known_knots
 from .compliance import order_for, support
@@ -224,7 +224,7 @@ def _run(
 ) -> tuple[ContinuumSolution, Array, Array]:  # fmt: skip
     rod, pivot, free = support(system)
     all_waves = waves(rod, pivot, free, modes, order)
-    looked = preview(system, start, t0, ts[-1], knots)
+    looked = Preview.of(system.discrete, start, t0, ts[-1], knots)
     stops = Stops.of(t0, ts, knots, looked).distinct(t0)
     if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
         kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
@@ -257,12 +257,9 @@ def _run(
 def _solve(system, all_waves: Waves, start: State, t0, ts, static, kept, tolerance, adjoint, stops) -> _Run:
     """The run with the first `kept` of these waves; a step ends at each of `stops`."""
     waves = all_waves.first(kept)
-    gravity = system.gravity
-    if gravity is not None and gravity.ndim == 0:
-        gravity = jnp.zeros(system.motion.dimension, gravity.dtype).at[-1].set(-gravity)
     force = system.forces[0].force if system.forces else None
     law = None if system.rod.linear else system.rod.law
-    dynamics = Dynamics(waves, system.motion, gravity, force, law, system.basis.n)
+    dynamics = Dynamics(waves, system.motion, system.pull, force, law, system.basis.n)
 
     q = dq = jnp.zeros_like(waves.omega)
     if static:

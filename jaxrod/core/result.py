@@ -47,6 +47,14 @@ class Result(enum.IntEnum, metaclass=_Sentences):
         """One code where a condition holds, another elsewhere."""
         return jnp.where(condition, then, otherwise).astype(jnp.int8)
 
+    @staticmethod
+    def first(*cases: tuple[Bool[ArrayLike, "*scenes"], Any]) -> Int8[Array, "*scenes"]:
+        """The code of the first case whose condition holds; `ok` if none does."""
+        code: Any = Result.ok
+        for condition, why in reversed(cases):
+            code = Result.where(condition, why, code)
+        return code
+
     ok = "the run reached its end"
     collapsed = "the rod was pressed together to nothing: a strain reached -1, where the model ends"
     diverged = (

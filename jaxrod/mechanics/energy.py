@@ -76,8 +76,8 @@ def gravity_center(body: Projection, g, center) -> Float[Array, ""]:
 
 
 def _potential(g, x) -> Float[Array, ""]:
-    """Of a unit mass at x: g y for a number, downwards; -g . x for a vector of gravity (D,)."""
-    return g * x[-1] if g.ndim == 0 else -g @ x
+    """Of a unit mass at x: -g . x, of the vector of gravity (D,)."""
+    return -g @ x
 
 
 def _form(matrix, x) -> Any:

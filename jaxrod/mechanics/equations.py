@@ -3,16 +3,21 @@
 `Moving` has every amplitude as a coordinate; `Condensed` has the strain follow statically.
 """
 
+import functools
+from collections.abc import Callable
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from ..core import tracing
 from ..core.linear_algebra import eigvalsh
-from ..core.tracing import depends_on_first
 from ..motions.force import AbstractForce
 from ..motions.motion import AbstractMotion
+from ..motions.signal import signals
 from ..motions.state import Placement, State
 from ..shapes.projection import Projection
 from . import energy
@@ -20,13 +25,27 @@ from .chart import AbstractChart
 from .lagrangian import Lagrangian, Phase, eliminate, solve_positive
 
 
-class Scene(eqx.Module):
-    """What the equations of motion are made of; the rod is projected once and stays out of the time loop."""
+class DiscreteSystem(eqx.Module):
+    """A scene as its strain basis sees it, built once a run by `System.discrete`: all that the equations of motion need.
+
+    `body`, the rod projected; `gravity`, a vector (D,) in m/s^2 or None; `length` of the rod in m; `condensed`, whether the
+    strain has no motion of its own; `uniform`, whether it is one strain all along.
+    """
 
     motion: AbstractMotion
     body: Projection
-    gravity: Float[Array, ""] | Float[Array, " D"] | None
+    gravity: Float[Array, " D"] | None
     forces: tuple[AbstractForce, ...]
+    length: Float[Array, ""]
+    condensed: bool = eqx.field(static=True)
+    uniform: bool = eqx.field(static=True)
+
+    @property
+    def n(self) -> int:
+        """How many amplitudes the strain has."""
+        return self.body.stiffness_matrix.shape[0]
+
+    # ---- energies and powers
 
     def potential(self, place: Placement) -> Float[Array, ""]:
         """Strain energy and energy of weight in J."""
@@ -39,6 +58,17 @@ class Scene(eqx.Module):
             return energy.gravity_pivoted(self.body, self.gravity, place.amplitudes, place.direction)
         return energy.gravity_center(self.body, self.gravity, place.center)
 
+    def energies(self, state: State) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """Kinetic energy without that of the centre of mass, strain energy and energy of weight, in J."""
+        turning = energy.kinetic_director(self.body, state.amplitudes, state.amplitude_rates, state.direction_rate)
+        place = Placement(state.direction, state.amplitudes, state.center)
+        weight = jnp.zeros_like(turning) if self.gravity is None else self.weight(place)
+        return turning, energy.elastic(self.body, state.amplitudes), weight
+
+    def moving(self, center_velocity: Float[Array, " D"]) -> Float[Array, ""]:
+        """Kinetic energy of the centre of mass in flight, in J."""
+        return energy.kinetic_center(self.body, center_velocity)
+
     def power(self, t, state: State, virtual: Placement) -> Float[Array, ""]:
         """Power in W of the forces in a virtual velocity."""
         powers = [force.power(t, state, virtual, self.body) for force in self.forces]
@@ -47,7 +77,7 @@ class Scene(eqx.Module):
     @property
     def rate_dependent(self) -> bool:
         """Whether a force depends on rates or on full turns, as far as its program shows."""
-        zero, a = jnp.zeros(()), jnp.zeros(self.body.stiffness_matrix.shape[0])
+        zero, a = jnp.zeros(()), jnp.zeros(self.n)
         d = jnp.zeros(self.motion.dimension).at[0].set(1.0)
 
         def power(rates, place, virtual):
@@ -56,20 +86,79 @@ class Scene(eqx.Module):
             return self.power(zero, state, virtual)
 
         place = Placement(d, a, None)
-        return depends_on_first(power, (d, a, zero), place, place)
+        return tracing.depends_on_first(power, (d, a, zero), place, place)
+
+    # ---- what its numbers say
+
+    def angular_momentum(self, state: State) -> Float[Array, ""] | Float[Array, " 3"]:
+        """About the pivot (in flight the centre of mass) in kg m^2/s: in space a vector."""
+        inertia = self.body.inertia(state.amplitudes)
+        return inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
+
+    def tip(self, state: State) -> Float[Array, " D"]:
+        """Position of the tip in m."""
+        tip = self.body.reach(state.amplitudes) * state.direction
+        return tip if state.center is None else tip + state.center
+
+    def lowest_strain(self, amplitudes: Float[Array, " n"]) -> Float[Array, ""]:
+        """The least strain along the rod, or zero if all are above."""
+        return jnp.min(amplitudes if self.uniform else self.body.field(amplitudes), initial=0.0)
+
+    def valid(self, start: State) -> Bool[Array, ""]:
+        """Whether a start makes sense: what is asked of known numbers, for traced ones."""
+        finite = jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in jax.tree.leaves(start)]))
+        return finite & (self.lowest_strain(start.amplitudes) > -1) if self.n else finite
+
+    @property
+    def fastest_swing(self) -> Float[Array, ""]:
+        """What gravity may add to the square of the turning rate, in 1/s^2: 4 |g| S / J, from the highest place to the lowest."""
+        if self.gravity is None or self.motion.flies:
+            return jnp.zeros_like(self.body.mass_matrix[0, 0])
+        weight = jnp.sqrt(jnp.sum(self.gravity**2))
+        return 4 * jnp.abs(weight * self.body.first_moments[0]) / self.body.mass_matrix[0, 0]
+
+    # ---- loads, as a look before the run asks for them (`motions/preview.py`)
+
+    def loads(self, start: State) -> list[tuple[bool, Callable[[Any], Array]]]:
+        """What drives it, as functions of time at its start: generalized forces, those of the director first.
+
+        With each whether it is bare: nothing else says where it changes.
+        """
+        motion = self.motion
+        drives = [(True, lambda t: motion.turning(t)[1][None] ** 2)] if motion.prescribed else []
+        timed = [force for force in self.forces if force.varies or signals(force)]
+        pushed = [(force.varies, functools.partial(force.pushed, state=start, body=self.body)) for force in timed]
+        return [*drives, *pushed]
+
+    def gained(self, start: State, instants: Float[Array, " T"], pushes: list) -> Float[Array, ""]:
+        """The most by which these loads (T, m) change the turning rate: their impulses about the pivot over the moment of
+        inertia."""
+        if self.motion.prescribed:
+            return jnp.zeros_like(instants[0])
+        moment = sum(pushed[:, : start.direction.size] for pushed in pushes)
+        moment = moment - (moment @ start.direction)[:, None] * start.direction[None, :]
+        steps = jnp.diff(instants)[:, None] * (moment[1:] + moment[:-1]) / 2
+        return jnp.max(jnp.linalg.norm(jnp.cumsum(steps, axis=0), axis=1)) / self.body.mass_matrix[0, 0]
+
+    def unseen(self, times: Float[Array, " T"], start: State) -> Bool[Array, ""]:
+        """Whether a load may have been missed at all of these instants."""
+        unseen = self.motion.unseen(times)
+        for force in self.forces:
+            unseen = unseen | force.unseen(times, start, self.body)
+        return unseen
 
 
 class AbstractEquations(eqx.Module):
     """The equations of motion of a scene in the coordinates of a chart."""
 
-    scene: eqx.AbstractVar[Scene]
+    scene: eqx.AbstractVar[DiscreteSystem]
     chart: eqx.AbstractVar[AbstractChart]
 
 
 class Moving(AbstractEquations):
     """All amplitudes of the strain move: Lagrange's equations for q = (director, amplitudes, [centre of mass])."""
 
-    scene: Scene
+    scene: DiscreteSystem
     chart: AbstractChart
 
     @property
@@ -121,7 +210,7 @@ class Condensed(AbstractEquations):
     Then d/dt (dL/dv) = dL/dq + Q, taken at that strain: its mass matrix knows how the strain yields to the turning.
     """
 
-    scene: Scene
+    scene: DiscreteSystem
     chart: AbstractChart
 
     def function(self, t, q, v, amplitudes) -> Float[Array, ""]:
@@ -132,7 +221,7 @@ class Condensed(AbstractEquations):
     def strain(self, t, q, v) -> Float[Array, " n"]:
         """The amplitudes that bear the load of this motion: (K - |d'|^2 M_aa) a = dL/da at a = 0."""
         body = self.scene.body
-        rest = jnp.zeros(body.stiffness_matrix.shape[0], q.dtype)
+        rest = jnp.zeros(self.scene.n, q.dtype)
 
         def load(amplitudes):
             push = jax.grad(self.function, argnums=3)(t, q, v, amplitudes)

@@ -133,7 +133,7 @@ def _search(system, angle, spin, momentum):
         across = jnp.sqrt(jnp.sum(system.gravity**2)) * jnp.max(jnp.abs(system.body.first_moments))
         turns = across > 1e-9 * system.body.mass_matrix[0, 0] * rate**2
         error = jnp.where(turns & (spin != 0), jnp.inf, error)
-    return state, error, system.lowest_strain(state.amplitudes)
+    return state, error, system.discrete.lowest_strain(state.amplitudes)
 
 
 def _weighs(system: System) -> bool:

@@ -82,7 +82,7 @@ def _check_degrees(angles: dict[str, Array]) -> None:
 
 def _check_strain(system: Any, amplitudes):
     if validation.fails(lambda a: a == 0, amplitudes):
-        lowest = system.lowest_strain(amplitudes)
+        lowest = system.discrete.lowest_strain(amplitudes)
         if validation.fails(lambda strain: strain > -1, lowest):
             raise ValueError(f"strain={float(lowest):.6g} turns the rod inside out; it must be above -1.")
 

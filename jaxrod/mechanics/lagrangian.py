@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..core import calling, tracing, validation
 from ..motions.signal import on_clock
@@ -56,6 +56,22 @@ class Lagrangian(eqx.Module):
         """The same system on a clock that shows zero at t0 (s)."""
         parts = [None if f is None else _Delayed(f, t0) for f in (self.function, self.force, self.solve)]
         return Lagrangian(*parts)
+
+    def loads(self, start: Phase) -> list[tuple[bool, Callable[[Any], Array]]]:
+        """Its accelerations as a function of time at the start, if they are one: as of `DiscreteSystem.loads`."""
+        if not tracing.depends_on_first(self.acceleration, jnp.zeros((), start[0].dtype), *start):
+            return []
+        return [(True, lambda t: self.acceleration(t, *start))]
+
+    def gained(self, start: Phase, instants: Float[Array, " T"], pushes: list) -> Float[Array, ""]:
+        """Nothing: it has no rate of its own to measure by."""
+        del start, pushes
+        return jnp.zeros_like(instants[0])
+
+    def unseen(self, times: Float[Array, " T"], start: Phase) -> Bool[Array, ""]:
+        """Of any Lagrangian nobody knows."""
+        del times, start
+        return jnp.asarray(False)
 
     def check(self, t, q, v) -> None:
         """Refuse, by `ValueError`, coordinates that are not alike, and functions that fail for them.

@@ -6,7 +6,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..core import precision, units, validation
 from ..integrators.splitting import AbstractSplit
@@ -18,10 +18,9 @@ from ..rods.lumped import Lumped
 from ..rods.rod import Rod
 from ..shapes.basis import AbstractBasis, QuasiStatic, Ritz
 from ..shapes.projection import Projection
-from . import energy
 from .chart import AbstractChart, Embedded, Strains
 from .compatibility import check_parts
-from .equations import Condensed, Moving, Scene
+from .equations import Condensed, DiscreteSystem, Moving
 from .initial_state import started
 from .lagrangian import Lagrangian
 from .splittings.driven_rotation import Prescribed
@@ -91,6 +90,35 @@ class System(eqx.Module):
         """Mass matrix, stiffness matrix and first moments about `origin`."""
         return _projected(self.basis, self.rod, self._pivot, self._free)
 
+    @property
+    def discrete(self) -> DiscreteSystem:
+        """The scene as its basis sees it: what a run is made of."""
+        return self._discretized(self.body)
+
+    def _discretized(self, body: Projection) -> DiscreteSystem:
+        condensed = isinstance(self.basis, QuasiStatic)
+        return DiscreteSystem(
+            self.motion, body, self.pull, self.forces, self.rod.length, condensed, self.basis.uniform
+        )  # fmt: skip
+
+    @property
+    def pull(self) -> Float[Array, " D"] | None:
+        """Gravity as a vector, in m/s^2; None where it is left out."""
+        return None if self.gravity is None else self.motion.pull(self.gravity)
+
+    def or_idle(self) -> tuple["System", DiscreteSystem, Bool[Array, ""]]:
+        """The scene, itself and as its basis sees it, and whether it makes sense: what construction asks of known numbers.
+
+        Where it makes none its numbers are some that anything runs with.
+        """
+        body = self.body
+        inertia, limits = body.mass_matrix[0, 0], jnp.finfo(body.mass_matrix.dtype)
+        sound = self.rod.valid() & _finite(self) & (inertia > limits.tiny / limits.eps) & _finite(body)
+        if self._pivot is not None:
+            sound = sound & (self._pivot >= 0) & (self._pivot <= self.rod.length)
+        idle = jax.tree.map(lambda x: jnp.where(sound, x, jnp.ones_like(x)), self)
+        return idle, idle._discretized(body.or_idle(sound)), sound
+
     # ---- states
 
     def state(
@@ -112,45 +140,24 @@ class System(eqx.Module):
             self, angle, rate, strain, strain_rate, amplitudes, amplitude_rates, azimuth, azimuth_rate, center, center_velocity,
         )  # fmt: skip
 
-    def lowest_strain(self, amplitudes: Float[Array, " n"]) -> Float[Array, ""]:
-        """The least strain along the rod, or zero if all are above."""
-        return jnp.min(amplitudes if self.basis.uniform else self.body.field(amplitudes), initial=0.0)
-
-    def sound(self) -> Array:
-        """Whether the scene makes sense: what construction asks of known numbers, for traced ones."""
-        body = self.body
-        inertia, limits = body.mass_matrix[0, 0], jnp.finfo(body.mass_matrix.dtype)
-        sound = self.rod.valid() & _finite(self) & (inertia > limits.tiny / limits.eps) & _finite(body)
-        if self._pivot is not None:
-            sound = sound & (self._pivot >= 0) & (self._pivot <= self.rod.length)
-        return sound
-
-    def valid(self, start: State) -> Array:
-        """Whether a start makes sense, likewise."""
-        return _finite(start) & (self.lowest_strain(start.amplitudes) > -1) if self.basis.n else _finite(start)
-
     # ---- energies of a state, in J
 
     def kinetic_energy(self, state: State) -> Float[Array, ""]:
         """Kinetic energy T of one state."""
         check_state(self, state)
-        body = self.body
-        turning = energy.kinetic_director(body, state.amplitudes, state.amplitude_rates, state.direction_rate)
-        if state.center_velocity is None:
-            return turning
-        return turning + energy.kinetic_center(body, state.center_velocity)
+        scene = self.discrete
+        turning = scene.energies(state)[0]
+        return turning if state.center_velocity is None else turning + scene.moving(state.center_velocity)
 
     def elastic_energy(self, state: State) -> Float[Array, ""]:
         """Strain energy of one state."""
         check_state(self, state)
-        return energy.elastic(self.body, state.amplitudes)
+        return self.discrete.energies(state)[1]
 
     def gravity_energy(self, state: State) -> Float[Array, ""]:
         """Energy of weight of one state: zero at the pivot, in flight at the origin."""
         check_state(self, state)
-        if self.gravity is None:
-            return jnp.zeros_like(state.turns)
-        return self._scene.weight(Placement(state.direction, state.amplitudes, state.center))
+        return self.discrete.energies(state)[2]
 
     def energy(self, state: State) -> Float[Array, ""]:
         """T + V of one state, V = 0 at the pivot (in flight at the origin)."""
@@ -160,7 +167,7 @@ class System(eqx.Module):
         """Power in W of the forces, and of the drive where there is one: the rate at which `energy` grows."""
         check_state(self, state)
         rate = Placement(state.direction_rate, state.amplitude_rates, state.center_velocity)
-        power = self._scene.power(t, state, rate)
+        power = self.discrete.power(t, state, rate)
         return power + self.drive_torque(t, state) * state.rate if self.motion.prescribed else power
 
     def drive_torque(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
@@ -169,9 +176,7 @@ class System(eqx.Module):
         **Raises:** `ValueError` for other motions.
         """
         check_state(self, state)
-        if not self.motion.prescribed:
-            raise ValueError(f"motion={type(self.motion).__name__}() has no drive; take Driven(angle).")
-        scene, (_, rate, acceleration) = self._scene, self.motion.turning(t)
+        (_, rate, acceleration), scene = self.motion.turning(t), self.discrete
         d, a = state.direction, state.amplitudes
         across = Placement(jnp.stack([-d[1], d[0]]), jnp.zeros_like(a), None)
         grown, growth = jax.jvp(scene.body.inertia, (a,), (state.amplitude_rates,))
@@ -185,10 +190,7 @@ class System(eqx.Module):
     def angular_momentum(self, state: State) -> Float[Array, ""] | Float[Array, " 3"]:
         """Angular momentum about the pivot (in flight the centre of mass) in kg m^2/s: in space a vector."""
         check_state(self, state)
-        inertia = self.body.inertia(state.amplitudes)
-        if state.planar:
-            return inertia * state.rate
-        return inertia * jnp.cross(state.direction, state.direction_rate)
+        return self.discrete.angular_momentum(state)
 
     def shape(self, state: State, s: Float[Array, " points"]) -> Float[Array, "points D"]:
         """Positions in m of the material points s (m): from the pivot, in flight from the origin."""
@@ -202,8 +204,7 @@ class System(eqx.Module):
     def tip(self, state: State) -> Float[Array, " D"]:
         """Position of the tip in m."""
         check_state(self, state)
-        tip = self.body.reach(state.amplitudes) * state.direction
-        return tip if state.center is None else tip + state.center
+        return self.discrete.tip(state)
 
     def strain_field(self, state: State, s: Float[Array, " points"]) -> Float[Array, " points"]:
         """Strain at the material points s (m)."""
@@ -235,10 +236,6 @@ class System(eqx.Module):
 
     # ---- equations of motion
 
-    @property
-    def _scene(self) -> Scene:
-        return Scene(self.motion, self.body, self.gravity, self.forces)
-
     def check_chart(self, chart: AbstractChart) -> None:
         """Refuse, by `ValueError`, coordinates that this scene does not have."""
         if not isinstance(chart, AbstractChart):
@@ -261,17 +258,19 @@ class System(eqx.Module):
         tip_inertia = getattr(self.rod, "tip_inertia", None)
         return self.basis.uniform and not isinstance(self.basis, QuasiStatic) and tip_inertia is None
 
-    def equations(self, chart: AbstractChart) -> Moving | Condensed:
-        """The equations of motion in the coordinates of `chart`.
+    def equations(self, chart: AbstractChart, scene: DiscreteSystem | None = None) -> Moving | Condensed:
+        """The equations of motion in the coordinates of `chart`; `scene`: this one as its basis sees it, if it is at hand.
 
         **Raises:** `ValueError` for coordinates that this scene does not have.
         """
         self.check_chart(chart)
-        kind = Condensed if isinstance(self.basis, QuasiStatic) else Moving
-        return kind(self._scene, chart)
+        scene = self.discrete if scene is None else scene
+        return (Condensed if scene.condensed else Moving)(scene, chart)
 
-    def split(self, start: State, t0=0.0, small_kicks: bool = False) -> AbstractSplit:
-        """The flows that symplectic solvers compose, for a run from `start`.
+    def split(
+        self, start: State, t0: Any = 0.0, small_kicks: bool = False, scene: DiscreteSystem | None = None
+    ) -> AbstractSplit:
+        """The flows that symplectic solvers compose, for a run from `start`; `scene` as of `equations`.
 
         `Flat` where the strain is uniform, `Prescribed` where the rotation is driven, else, or for `small_kicks`, `Axial`.
 
@@ -281,9 +280,10 @@ class System(eqx.Module):
             raise ValueError(
                 f"a symplectic solver cannot step this scene: {self.unsplit}; take solver=diffrax.Dopri8()."
             )
+        scene = self.discrete if scene is None else scene
         if self.motion.prescribed:
-            return Prescribed(self._scene, t0, start)
-        return (Flat if self.splits_flat and not small_kicks else Axial)(self._scene, t0, start)
+            return Prescribed(scene, t0, start)
+        return (Flat if self.splits_flat and not small_kicks else Axial)(scene, t0, start)
 
     @property
     def splits_flat(self) -> bool:
@@ -296,7 +296,7 @@ class System(eqx.Module):
         """Why this scene has no split; empty if it has one."""
         if isinstance(self.basis, QuasiStatic):
             return "the strain of QuasiStatic is no motion of its own"
-        if self.forces and self._scene.rate_dependent:
+        if self.forces and self.discrete.rate_dependent:
             return "its forces depend on rates, or on full turns"
         if self.forces and self._free:
             return "its forces act on a rod in flight"

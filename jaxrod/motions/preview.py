@@ -6,7 +6,6 @@ size.  Times that share it out evenly are where steps are to end: a short pulse 
 lies between two instants is not seen.
 """
 
-import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -15,11 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core.tracing import depends_on_first
-from ..mechanics.lagrangian import Lagrangian
-from ..mechanics.system import System
-from .signal import at_each, signals
-from .state import State
+from .signal import at_each
 
 INSTANTS = 4097
 _CLOSER = 1024  # instants of the second look, at equal shares of the activity
@@ -41,6 +36,28 @@ class Preview(eqx.Module):
     knots: Float[Array, " K"]
     gained: Float[Array, ""]
     unseen: Bool[Array, ""]
+
+    @staticmethod
+    def of(scene: Any, start: Any, t0, t1, knots: Float[Array, " K"] | None) -> "Preview | None":
+        """The look at a run from `start`; None where no load depends on time.
+
+        `scene` says its `loads`, what they have `gained` and whether any is `unseen`: a `DiscreteSystem`, a `Lagrangian`.
+        """
+        loads = scene.loads(start)
+        if not loads:
+            return None
+        even = t0 + (t1 - t0) * jnp.linspace(0.0, 1.0, INSTANTS, dtype=t0.dtype)
+        instants = even if knots is None else jnp.sort(jnp.concatenate([even, jnp.clip(knots, t0, t1)]))
+        pushes = [_pushes(load, instants) for _, load in loads]
+        changes = [_activity(pushed) for (varies, _), pushed in zip(loads, pushes, strict=True) if varies]
+        closer = _where_they_change(instants, changes)
+        close = [_activity(_pushes(load, closer)) for varies, load in loads if varies]
+        activity, close_activity = (
+            sum(found, jnp.zeros_like(at)) for found, at in ((changes, instants), (close, closer))
+        )
+        gained, unseen = scene.gained(start, instants, pushes), scene.unseen(even, start)
+        found = Preview(instants, activity, closer, close_activity, _knots(closer, close), gained, unseen)
+        return jax.lax.stop_gradient(found)
 
     def steps(self, ends: Float[Array, " E"]) -> Float[Array, " E"]:
         """How many steps to each of these times, from the one before, resolve what changes fastest between the two.
@@ -65,29 +82,6 @@ class Preview(eqx.Module):
         """Whether a load comes and goes within a step of h s."""
         later = jnp.interp(self.instants + h, self.instants, self.activity)
         return jnp.max(later - self.activity) > _COMES_AND_GOES
-
-
-def preview(system: System | Lagrangian, start: Any, t0, t1, knots: Float[Array, " K"] | None) -> Preview | None:
-    """The look at a run from `start`; None where no load depends on time."""
-    loads = _loads(system, start)
-    if not loads:
-        return None
-    even = t0 + (t1 - t0) * jnp.linspace(0.0, 1.0, INSTANTS, dtype=t0.dtype)
-    instants = even if knots is None else jnp.sort(jnp.concatenate([even, jnp.clip(knots, t0, t1)]))
-    pushes = [_pushes(load, instants) for _, load in loads]
-    changes = [_activity(pushed) for (varies, _), pushed in zip(loads, pushes, strict=True) if varies]
-    closer = _where_they_change(instants, changes)
-    close = [_activity(_pushes(load, closer)) for varies, load in loads if varies]
-    gained, unseen = jnp.zeros_like(t0), jnp.asarray(False)
-    if isinstance(system, System):
-        if not system.motion.prescribed:
-            gained = _gained(system, start, instants, pushes)
-        unseen = system.motion.unseen(even)
-        for force in system.forces:
-            unseen = unseen | force.unseen(even, start, system.body)
-    activity, close_activity = (sum(found, jnp.zeros_like(at)) for found, at in ((changes, instants), (close, closer)))
-    found = Preview(instants, activity, closer, close_activity, _knots(closer, close), gained, unseen)
-    return jax.lax.stop_gradient(found)
 
 
 def _pushes(load: Callable, instants: Float[Array, " T"]) -> Float[Array, "T m"]:
@@ -116,32 +110,7 @@ def _knots(instants: Float[Array, " T"], each: list[Float[Array, " T"]]) -> Floa
     return jnp.concatenate(found)
 
 
-def _loads(system: System | Lagrangian, start: Any) -> list[tuple[bool, Callable]]:
-    """What drives the scene, as functions of time at its start: generalized forces, those of the director first.
-
-    With each whether it is bare: nothing else says where it changes.
-    """
-    if isinstance(system, Lagrangian):
-        autonomous = not depends_on_first(system.acceleration, jnp.zeros((), start[0].dtype), *start)
-        return [] if autonomous else [(True, lambda t: system.acceleration(t, *start))]
-    motion: Any = system.motion
-    drives = [(True, lambda t: motion.turning(t)[1][None] ** 2)] if motion.prescribed else []
-    timed = [force for force in system.forces if force.varies or signals(force)]
-    return [
-        *drives,
-        *((force.varies, functools.partial(force.pushed, state=start, body=system.body)) for force in timed),
-    ]
-
-
 def _activity(pushed: Float[Array, "T m"]) -> Float[Array, " T"]:
     changes = jnp.sum(jnp.abs(jnp.diff(pushed, axis=0)), axis=1)
     largest = jnp.max(jnp.sum(jnp.abs(pushed), axis=1))
     return jnp.concatenate([jnp.zeros_like(largest)[None], jnp.cumsum(changes)]) / jnp.where(largest > 0, largest, 1.0)
-
-
-def _gained(system: System, start: State, instants, pushes: list) -> Float[Array, ""]:
-    """By the impulses of the loads about the pivot, over the moment of inertia."""
-    moment = sum(pushed[:, : start.direction.size] for pushed in pushes)
-    moment = moment - (moment @ start.direction)[:, None] * start.direction[None, :]
-    steps = jnp.diff(instants)[:, None] * (moment[1:] + moment[:-1]) / 2
-    return jnp.max(jnp.linalg.norm(jnp.cumsum(steps, axis=0), axis=1)) / system.body.mass_matrix[0, 0]

@@ -9,7 +9,6 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..core import tracing, validation
-from ..mechanics.system import System
 from .preview import Preview
 
 _BESIDE = 1e-11  # of a run's length, below which a knot counts as a save time
@@ -56,7 +55,7 @@ class Stops(eqx.Module):
         return jnp.sort(jnp.where(jnp.diff(ends, prepend=t0) <= 0, beyond, ends))
 
 
-def known_knots(system: System, clock, start, end) -> tuple[Float[Array, " K"] | None, Any]:
+def known_knots(system: Any, clock, start, end) -> tuple[Float[Array, " K"] | None, Any]:
     """Knots of a scene's `Record`s and `Impulse`s, in s since `clock` (None: as they are); whether a run from `start` to
     `end`, since then too, leaves a `Record`.  Each None if it is not so.
 

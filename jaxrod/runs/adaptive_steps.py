@@ -17,16 +17,16 @@ from ..integrators.compensation import Tracked, Tracking
 from ..integrators.reversal import ONCE, forward_refused, reversible
 from ..integrators.symplectic import AbstractSymplectic, SplitTerm
 from ..mechanics.chart import AbstractChart
-from ..mechanics.equations import Condensed, Moving, critical_square, eigenvalues
+from ..mechanics.equations import Condensed, DiscreteSystem, Moving, critical_square
 from ..mechanics.lagrangian import Lagrangian, Phase
 from ..mechanics.system import System
-from ..motions.preview import preview
+from ..motions.preview import Preview
 from ..motions.state import State
 from ..motions.stops import Stops, since
 from ..rods.rod import Rod
-from ..shapes.basis import QuasiStatic
 from ..shapes.projection import Projection
 from .defaults import default_chart
+from .scales import Scales
 from .solution import Solution
 
 _COLLAPSED = -1 + 1e-6
@@ -45,18 +45,20 @@ def integrate(
     if ts is not None:
         valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
         ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
+    given, scene, scales = system, system, None
     if isinstance(system, System):
-        # An invalid scene is run with ones for all its numbers: its own would keep its neighbours waiting for NaN.
-        given, valid = system, valid & system.sound() & system.valid(start)
-        system, start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), (system, start))
-    else:
-        given = system
+        # An invalid scene is run with other numbers: its own would keep its neighbours waiting for NaN.
+        system, scene, sound = system.or_idle()
+        valid = valid & sound & scene.valid(start)
+        start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
     t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
-    looked = preview(system, start, t0, t1, knots)
+    looked = Preview.of(scene, start, t0, t1, knots)
+    if isinstance(scene, DiscreteSystem):
+        scales = Scales.of(scene, start, t0, t1)
     split: Any = None
     if isinstance(solver, AbstractSymplectic):
-        split = system.split(start, t0, solver.small_kicks)
-    equations = system if chart is None else system.equations(chart)
+        split = system.split(start, t0, solver.small_kicks, scene)
+    equations = system if chart is None else system.equations(chart, scene)
     if split is not None:
         term, phase = SplitTerm(split), split.encode(start)
         counted = phase.q is not None
@@ -76,7 +78,7 @@ def integrate(
 
     margin = None
     if isinstance(system, System) and system.basis.n:
-        margin = _Margin.of(system, equations)
+        margin = _Margin.of(system, scene)
     given_steps = n_steps is not None or (dt0 is not None and stepsize_controller is None)
     if n_steps is not None:
         steps = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
@@ -86,7 +88,7 @@ def integrate(
         if looked is not None:  # error control sees what changes, once a step ends there
             most = (t1 - t0) / jnp.maximum(looked.mean_steps, 1.0)
             longest = most if longest is None else jnp.minimum(most, longest)
-        by_error = _by_error(system, start, y0, t0, t1 - t0, atol, longest)
+        by_error = _by_error(scene, scales, y0, t1 - t0, atol, longest)
         steps = _ending_at(Stops.of(t0, t1[None] if ts is None else ts, knots, looked), by_error, t0, ts is not None)
     elif knots is not None:
         steps = _ending_at(Stops.of(t0, t1[None], knots, None), stepsize_controller, t0, False)
@@ -96,7 +98,7 @@ def integrate(
     raw: Any = diffrax.diffeqsolve(
         terms, Tracking(mappable(solver)), t0, t1, dt0, y0,
         saveat=_saveat(saveat, ts, decode), stepsize_controller=steps, adjoint=adjoint,
-        event=_events(event and _begun(event, system, start, chart, t0, t1), decode, margin, t1.dtype),
+        event=_events(event and _begun(event, system, scene, start, chart, t0, t1), decode, margin, t1.dtype),
         max_steps=max_steps, throw=False,
         progress_meter=progress_meter,
     )  # fmt: skip
@@ -113,8 +115,8 @@ def integrate(
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
     room = jnp.ones(3) if margin is None else margin(decode(t_end, last))
     code = _result(raw, _finite(last), room, valid, event is not None)
-    if given_steps and isinstance(system, System):
-        longest = _longest_step(system, start, solver, split, t0, t1)
+    if given_steps and scales is not None:
+        longest = _longest_step(scales, solver, split, t0, t1)
         code = Result.where((code == Result.ok) & (stats["step"] > longest * (1 + 1e-6)), Result.coarse, code)
     return Solution(
         ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
@@ -169,13 +171,13 @@ class _Margin(eqx.Module):
     critical: Float[Array, ""] | None  # square of the rate beyond which no static strain holds, of `QuasiStatic`
 
     @staticmethod
-    def of(system: System, equations: System | Moving | Condensed) -> "_Margin":
-        critical, body = None, None if system.basis.uniform else system.body
-        if isinstance(equations, Condensed):
-            critical = critical_square(equations.scene.body)
+    def of(system: System, scene: DiscreteSystem) -> "_Margin":
+        critical = None
+        if scene.condensed:
+            critical = critical_square(scene.body)
             if isinstance(system.rod, Rod):  # every rung is stiffer than the rod
                 critical = jnp.minimum(critical, jax.lax.stop_gradient(continuum.critical_rate(system)) ** 2)
-        return _Margin(body, critical)
+        return _Margin(None if scene.uniform else scene.body, critical)
 
     def __call__(self, state: State) -> Float[Array, " 3"]:
         strain = state.amplitudes if self.body is None else self.body.field(state.amplitudes)
@@ -218,13 +220,13 @@ def _ending_at(stops: Stops, steps: Any, t0, saves: bool) -> Any:
     return diffrax.ClipStepSizeController(steps, step_ts=stops.distinct(t0))
 
 
-def _by_error(system, start, y0, t0, duration, atol, longest) -> diffrax.PIDController:
-    if isinstance(system, Lagrangian):
+def _by_error(scene: Any, scales: Scales | None, y0: Tracked, duration, atol, longest) -> diffrax.PIDController:
+    if scales is None:  # any Lagrangian
         return diffrax.PIDController(rtol=atol, atol=atol, dtmin=_least_step(duration), force_dtmin=False)
     weight = jnp.ones_like(y0.phase.q)
-    if system.motion.flies:
-        weight = weight.at[-system.motion.dimension :].set(1 / system.rod.length)
-    slowest, fastest = jax.lax.stop_gradient(_natural_rates(system, start, duration, t0))
+    if scene.motion.flies:
+        weight = weight.at[-scene.motion.dimension :].set(1 / scene.length)
+    slowest, fastest = _natural_rates(scales)
     # At rest there is no error to see, yet a gradient asks how the rod would move: steps resolve its fastest rate anyway.
     # The eighth root because the solver is of order 8; 4.5 is where Dopri8's error of a harmonic meets the tolerance.
     dtmax = 4.5 * (atol / 1e-4) ** 0.125 / fastest
@@ -235,31 +237,20 @@ def _by_error(system, start, y0, t0, duration, atol, longest) -> diffrax.PIDCont
     )
 
 
-def _natural_rates(system: System, start: State, duration, t0) -> tuple[Float[Array, ""], Float[Array, ""]]:
-    """Rates in 1/s of the slowest axial vibration, by which velocities are measured, and of the fastest.
-
-    Both with spin, swing, and one over the run's length.
-    """
-    body = system.body
-    square = start.direction_rate @ start.direction_rate + 1 / duration**2
-    if system.motion.prescribed:
-        square = system.motion.turning(t0)[1] ** 2 + 1 / duration**2
-    if system.gravity is not None and not system.motion.flies:
-        weight = jnp.sqrt(jnp.sum(system.gravity**2))
-        square = square + jnp.abs(weight * body.first_moments[0]) / body.mass_matrix[0, 0]
-    if system.basis.n == 0 or isinstance(system.basis, QuasiStatic):
-        return jnp.sqrt(square), jnp.sqrt(square)
-    axial = eigenvalues(body)
-    return jnp.sqrt(square + axial[0]), jnp.sqrt(square + axial[-1])
+def _natural_rates(scales: Scales) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    """Rates in 1/s of the slowest vibration, by which velocities are measured, and of the fastest, both with the turning."""
+    if not scales.axial.size:
+        return scales.slow, scales.slow
+    return jnp.hypot(scales.slow, scales.axial[0]), jnp.hypot(scales.slow, scales.axial[-1])
 
 
-def _longest_step(system: System, start: State, solver, split, t0, t1):
+def _longest_step(scales: Scales, solver, split, t0, t1):
     """Above it given steps are unstable or do not see the motion; an implicit method may mean to overlook it."""
     if split is not None:
         return split.longest_step(solver, jnp.stack([t0, t1]))
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         return jnp.inf
-    return jnp.pi / _natural_rates(system, start, t1 - t0, t0)[1]
+    return jnp.pi / _natural_rates(scales)[1]
 
 
 def _least_step(duration):
@@ -285,13 +276,13 @@ def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
     return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
 
 
-def _begun(event: diffrax.Event, system, start, chart: AbstractChart | None, t0, t1) -> diffrax.Event:
+def _begun(event: diffrax.Event, system, scene, start, chart: AbstractChart | None, t0, t1) -> diffrax.Event:
     """The event, whose conditions that are zero at the start count from there on: over the time passed since, or its square.
 
     So a run that begins on a level ends when it comes back to it.
     """
     if isinstance(system, System):
-        equations = system.equations(default_chart(system) if chart is None else chart)
+        equations = system.equations(default_chart(system) if chart is None else chart, scene)
         begin = equations.encode(t0, start)
         decode: Any = equations.decode
     else:

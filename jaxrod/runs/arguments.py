@@ -43,7 +43,7 @@ def check_scene(system: Any, start: Any, chart: Any = None) -> None:
         )
 
 
-def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize_controller: Any, throw: Any) -> None:
+def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize_controller: Any) -> None:
     """What `simulate` hands on to Diffrax; functions in it are tried on the start."""
     for name, value, kind, example in (
         ("saveat", saveat, diffrax.SaveAt, "diffrax.SaveAt(t1=True)"),
@@ -53,7 +53,6 @@ def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize
     ):
         if value is not None and not isinstance(value, kind):
             raise ValueError(f"{name}={validation.given(value)} does not fit; give an instance, such as {example}.")
-    validation.switch("throw", throw)
     t = calling.like()
     if saveat is not None and isinstance(saveat.subs, diffrax.SubSaveAt):
         wanted = "(t, state, args) -> arrays"

@@ -5,10 +5,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..mechanics import energy
+from ..mechanics.equations import DiscreteSystem
 from ..mechanics.system import System
 from ..motions.state import State
-from ..shapes.basis import QuasiStatic
 
 
 class Ledger(eqx.Module):
@@ -44,11 +43,10 @@ class Ledger(eqx.Module):
 
 def account(system: System, start: State, states: State, stats: dict[str, Array]) -> Ledger:
     """The ledger of one scene from its start, its saved states (leading axis T) and the counts of its run."""
-    body = system.body
-    all_ = with_start(start, states)
+    scene, all_ = system.discrete, with_start(start, states)
     turned = jnp.sum(all_.direction_rate**2, axis=-1)
-    strain = body.field(all_.amplitudes) if system.basis.n else jnp.zeros((*turned.shape, 1), turned.dtype)
-    conserved, momentum = _kept(system, all_)
+    strain = scene.body.field(all_.amplitudes) if scene.n else jnp.zeros((*turned.shape, 1), turned.dtype)
+    conserved, momentum = _kept(scene, all_)
     return Ledger(
         energy=conserved,
         angular_momentum=momentum,
@@ -63,56 +61,52 @@ def with_start(start: State, states: State) -> State:
     return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), start, states)
 
 
-def is_closed(system: System) -> bool:
+def is_closed(scene: System | DiscreteSystem) -> bool:
     """Whether nothing feeds or drains the scene: no forces beside weight, no drive."""
-    return not system.forces and not system.motion.prescribed
+    return not scene.forces and not scene.motion.prescribed
 
 
-def energy_change(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, ""]]:
+def energy_change(scene: DiscreteSystem, states: State) -> tuple[Float[Array, " T"], Float[Array, ""]]:
     """T + V of the states less that of the first, in J, and the scale to see it by: the largest sum of its parts.
 
     In flight without the centre of mass, which decouples and falls exactly.
     """
-    body, flies = system.body, system.motion.flies
 
     def parts(state):
-        turning = energy.kinetic_director(body, state.amplitudes, state.amplitude_rates, state.direction_rate)
-        weight = jnp.zeros_like(turning) if flies else system.gravity_energy(state)
-        return jnp.stack([turning, system.elastic_energy(state), weight])
+        turning, strain, weight = scene.energies(state)
+        return jnp.stack([turning, strain + jnp.zeros_like(turning), 0 * weight if scene.motion.flies else weight])
 
     found = jax.vmap(parts)(states)
     # Part by part: of a stiff rod's large and constant parts the sum would lose what little has changed.
     return jnp.sum(found - found[:1], axis=1), jnp.nanmax(jnp.sum(jnp.abs(found), axis=1))
 
 
-def _kept(system: System, states: State) -> tuple[Float[Array, ""] | None, Float[Array, ""] | None]:
+def _kept(scene: DiscreteSystem, states: State) -> tuple[Float[Array, ""] | None, Float[Array, ""] | None]:
     """Change of energy and of angular momentum, each None where the scene need not keep it."""
-    if not is_closed(system):
+    if not is_closed(scene):
         return None, None
-    change, size = energy_change(system, states)
-    energy_ = None if isinstance(system.basis, QuasiStatic) else over(jnp.nanmax(jnp.abs(change)), size)
-    axis = _axis(system)
+    change, size = energy_change(scene, states)
+    energy = None if scene.condensed else over(jnp.nanmax(jnp.abs(change)), size)
+    axis = _axis(scene)
     if axis is None:
-        return energy_, None
-    momentum = jax.vmap(system.angular_momentum)(states)
+        return energy, None
+    momentum = jax.vmap(scene.angular_momentum)(states)
     along = momentum[:, None] if momentum.ndim == 1 else momentum @ axis
-    inertia = jnp.nanmax(system.body.inertia(states.amplitudes))
+    inertia = jnp.nanmax(scene.body.inertia(states.amplitudes))
     # Over its scale first, and root by root: squares of a large rod's momentum are beyond float32.
     change = over(along - along[:1], jnp.sqrt(2 * size) * jnp.sqrt(inertia))
-    return energy_, jnp.sqrt(jnp.nanmax(jnp.sum(change**2, axis=-1)))
+    return energy, jnp.sqrt(jnp.nanmax(jnp.sum(change**2, axis=-1)))
 
 
-def _axis(system: System) -> Float[Array, "D kept"] | None:
+def _axis(scene: DiscreteSystem) -> Float[Array, "D kept"] | None:
     """Directions along which the angular momentum is kept, as columns; in the plane there is one; None if there are none."""
-    dimension, gravity = system.motion.dimension, system.gravity
-    if gravity is None or system.motion.flies:
-        return jnp.eye(dimension, dtype=system.body.mass_matrix.dtype)
+    dimension, gravity = scene.motion.dimension, scene.gravity
+    if gravity is None or scene.motion.flies:
+        return jnp.eye(dimension, dtype=scene.body.mass_matrix.dtype)
     if dimension == 2:
         return None
-    if gravity.ndim == 0:
-        return jnp.zeros((3, 1), gravity.dtype).at[2, 0].set(1.0)
     size = jnp.sqrt(gravity @ gravity)
-    return (gravity / jnp.where(size > 0, size, 1.0))[:, None]
+    return over(gravity, size)[:, None]
 
 
 def over(change, size):

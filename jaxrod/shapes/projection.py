@@ -3,8 +3,9 @@
 from typing import Any
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..core import linear_algebra
 from ..rods.lumped import Lumped
@@ -64,6 +65,15 @@ class Projection(eqx.Module):
     def field(self, amplitudes: Float[Array, "*batch n"]) -> Float[Array, "*batch points"]:
         """Strain along the rod."""
         return amplitudes @ self.strains
+
+    def or_idle(self, sound: Bool[Array, ""]) -> "Projection":
+        """This one where it is sound, else one that anything runs with: of unit masses and springs, uncoupled if there are
+        several."""
+        idle = jax.tree.map(jnp.ones_like, self)
+        if self.root is not None:
+            eye = [jnp.eye(x.shape[0], dtype=x.dtype) for x in (self.mass_matrix, self.stiffness_matrix, self.root)]
+            idle = eqx.tree_at(lambda x: (x.mass_matrix, x.stiffness_matrix, x.root), idle, eye)
+        return jax.tree.map(lambda x, y: jnp.where(sound, x, y), self, idle)
 
 
 def lumped(rod: Lumped, n: int) -> Projection:

@@ -8,6 +8,7 @@ Everything is per unit of the moment of inertia at rest, and number by number (`
 which become vectors of lanes under `vmap`.
 """
 
+import dataclasses
 import functools
 import math
 from collections.abc import Iterable
@@ -22,7 +23,7 @@ from ...core.scalarize import Numbers, by_number
 from ...motions.motion import Rotation
 from ...motions.state import State
 from ...shapes.projection import Projection
-from ..equations import Scene
+from ..equations import DiscreteSystem
 
 LONGEST_TURN = math.pi / 4  # rad in a step: beyond it the rod is not seen to turn
 
@@ -43,14 +44,12 @@ class Center(eqx.Module):
         )
 
     @staticmethod
-    def of(scene: Scene, t0, start: State) -> "Center | None":
+    def of(scene: DiscreteSystem, t0, start: State) -> "Center | None":
         """That of a flight, else None."""
         if not scene.motion.flies:
             return None
         assert start.center is not None and start.center_velocity is not None
-        down = jnp.zeros_like(start.center)
-        if scene.gravity is not None:
-            down = down.at[-1].set(-scene.gravity) if scene.gravity.ndim == 0 else scene.gravity
+        down = jnp.zeros_like(start.center) if scene.gravity is None else scene.gravity
         return Center(t0, start.center, start.center_velocity, down)
 
 
@@ -84,11 +83,10 @@ def per_inertia(body: Projection) -> Projection:
     )
 
 
-def held(scene: Scene, body: Projection) -> Scene:
+def held(scene: DiscreteSystem, body: Projection) -> DiscreteSystem:
     """The scene of the turning alone: in flight about the centre of mass, where nothing weighs."""
-    if scene.motion.flies:
-        return Scene(Rotation(), body, None, scene.forces)
-    return Scene(scene.motion, body, scene.gravity, scene.forces)
+    scene = dataclasses.replace(scene, body=body)
+    return dataclasses.replace(scene, motion=Rotation(), gravity=None) if scene.motion.flies else scene
 
 
 def without_center(state: State) -> State:

@@ -11,7 +11,7 @@ from ...core.scalarize import by_number, gathered, scattered
 from ...integrators.splitting import Split
 from ...motions.state import State
 from ..chart import Strains
-from ..equations import Moving, Scene
+from ..equations import DiscreteSystem, Moving
 from .common import LONGEST_TURN, watched
 from .normal_modes import AbstractOscillating, AxialModes, back
 
@@ -19,12 +19,12 @@ from .normal_modes import AbstractOscillating, AxialModes, back
 class Prescribed(AbstractOscillating):
     """A `Driven` rotation: exact oscillators, kicked by the centrifugal pull and by gravity of the moment."""
 
-    scene: Scene  # without its stiffness, which the oscillators have
+    scene: DiscreteSystem  # without its stiffness, which the oscillators have
     modes: AxialModes
     numbers: Any
     field: Any
 
-    def __init__(self, scene: Scene, t0, start: State):
+    def __init__(self, scene: DiscreteSystem, t0, start: State):
         del t0, start
         self.modes = AxialModes(scene.body)
         slack = eqx.tree_at(lambda s: s.body.stiffness_matrix, scene, jnp.zeros_like(scene.body.stiffness_matrix))
@@ -65,7 +65,7 @@ class Prescribed(AbstractOscillating):
         return self._kicked(h, by_number(_push)(modes, scene, t, y.strain), y)
 
 
-def _push(modes: AxialModes, scene: Scene, t, eta):
+def _push(modes: AxialModes, scene: DiscreteSystem, t, eta):
     equations = Moving(scene, Strains())
     amplitudes = modes.shapes @ eta
     still = jnp.zeros_like(amplitudes)

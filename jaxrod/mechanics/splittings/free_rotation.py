@@ -10,7 +10,7 @@ from ...core.scalarize import Numbers, by_number, gathered, scattered
 from ...integrators.splitting import Split
 from ...motions.state import Placement, State
 from .. import energy
-from ..equations import Scene
+from ..equations import DiscreteSystem
 from .common import Center, held, watched, with_center
 from .normal_modes import AbstractOscillating, AxialModes, back
 
@@ -32,13 +32,13 @@ class Axial(AbstractOscillating):
     momentum over the rate.
     """
 
-    scene: Scene
+    scene: DiscreteSystem
     modes: AxialModes
     numbers: Any
     field: Any
     center: Center | None
 
-    def __init__(self, scene: Scene, t0, start: State):
+    def __init__(self, scene: DiscreteSystem, t0, start: State):
         self.center = Center.of(scene, t0, start)
         self.scene, self.modes = held(scene, scene.body), AxialModes(scene.body)
         loads = self.scene if self.scene.forces else None
@@ -114,7 +114,7 @@ def _rest(modes: AxialModes, eta, square):
     return jax.grad(energy_left, argnums=(0, 1))(eta, square)
 
 
-def _loads(modes: AxialModes, gravity, loads: Scene | None, t, d, eta):
+def _loads(modes: AxialModes, gravity, loads: DiscreteSystem | None, t, d, eta):
     """Moment on the rod and force on each mode, per inertia."""
     pull, push = jnp.zeros_like(d), jnp.zeros_like(eta)
     if gravity is not None:

@@ -1,5 +1,6 @@
 """Uniform strain, where the kinetic energy is that of a mass point: a mass on a spring."""
 
+import dataclasses
 from typing import Any
 
 import equinox as eqx
@@ -11,25 +12,25 @@ from ...integrators.splitting import AbstractSplit, Split
 from ...motions.state import State
 from .. import energy
 from ..chart import Embedded
-from ..equations import Moving, Scene
+from ..equations import DiscreteSystem, Moving
 from .common import Center, held, least, per_inertia, with_center, without_center
 
 
 class Flat(AbstractSplit):
     """Uniform strain in q = (1 + eps) d: a mass on a spring.  Drift: straight on.  Kick: the gradient of all of V."""
 
-    scene: Scene
+    scene: DiscreteSystem
     numbers: Any  # (the scene per inertia, the scene if it has forces), number by number
     center: Center | None
 
-    def __init__(self, scene: Scene, t0, start: State):
+    def __init__(self, scene: DiscreteSystem, t0, start: State):
         self.center = Center.of(scene, t0, start)
         body = per_inertia(scene.body)
         rigidity = jnp.sum(body.rigidity, keepdims=True)
         lean = eqx.tree_at(lambda b: (b.strains, b.rigidity), body, (jnp.ones_like(rigidity)[None], rigidity))
         self.scene = held(scene, scene.body)
         loads = self.scene if scene.forces else None
-        self.numbers = scattered((Scene(self.scene.motion, lean, self.scene.gravity, ()), loads))
+        self.numbers = scattered((dataclasses.replace(self.scene, body=lean, forces=()), loads))
 
     def encode(self, state):
         q, v = Embedded().encode(self.scene.motion, without_center(state))
@@ -80,13 +81,13 @@ class Flat(AbstractSplit):
         return jnp.sqrt(least([sum(x * x for x in y.q) for y in phases])) - 1
 
 
-def _force(scene: Scene, loads: Scene | None, t, q):
+def _force(scene: DiscreteSystem, loads: DiscreteSystem | None, t, q):
     push = -jax.grad(_embedded_potential, argnums=1)(scene, q)
     if loads is None:
         return push
     return push + Moving(loads, Embedded()).force(t, q, jnp.zeros_like(q)) / loads.body.mass_matrix[0, 0]
 
 
-def _embedded_potential(scene: Scene, q):
+def _embedded_potential(scene: DiscreteSystem, q):
     strain = energy.elastic_embedded(scene.body, q)
     return strain if scene.gravity is None else strain + energy.gravity_embedded(scene.body, scene.gravity, q)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from ...core.scalarize import by_number, gathered, scattered
 from ...integrators.splitting import AbstractStepped, Split
 from ..chart import Director, Embedded, Strains
-from ..equations import Condensed, Moving, eigenvalues
+from ..equations import Condensed, DiscreteSystem, Moving, eigenvalues
 from ..system import System
 from .common import least, lowest, watched
 
@@ -19,11 +19,11 @@ class Whole(AbstractStepped):
     numbers: Any
     field: Any
 
-    def __init__(self, system: System):
+    def __init__(self, system: System, scene: DiscreteSystem):
         flat = Embedded() if system.flat else Director()
-        self.equations = system.equations(Strains() if system.motion.prescribed else flat)
+        self.equations = system.equations(Strains() if system.motion.prescribed else flat, scene)
         self.numbers = scattered(self.equations)
-        self.field = scattered(watched(system.body.strains))
+        self.field = scattered(watched(scene.body.strains))
 
     def encode(self, state):
         q, v = self.equations.encode(0.0, state)

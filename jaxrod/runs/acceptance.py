@@ -1,0 +1,119 @@
+"""Whether a run by equal steps is to be believed: by the energy it kept, and by another with fewer steps."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core.linear_algebra import eigvalsh
+from ..integrators.fixed_step import Route, march
+from ..mechanics.energy import gravity_pivoted, kinetic_director
+from ..mechanics.equations import DiscreteSystem
+from ..motions.state import State
+from ..motions.stops import Stops
+from .invariants import energy_change, is_closed, over, with_start
+from .scales import Scales
+from .step_policy import StepPolicy
+
+MOST_STEPS = 2**30 - 1  # that are counted: two such numbers still have a sum
+_SEEN = 8  # save times at which a run is compared with another
+
+
+def summed(counts: Int[Array, " E"]) -> Int[Array, " E"]:
+    """Steps to each time in all, or `MOST_STEPS`."""
+    # In floats, which do not overflow, exact for 2^24 steps; an associative scan takes XLA minutes to compile.
+    return jnp.minimum(jnp.cumsum(counts.astype(float)), MOST_STEPS).astype(counts.dtype)
+
+
+def energy_lost(scene: DiscreteSystem, start: State, states: State, reached) -> Float[Array, ""]:
+    """Largest change of the energy at a save time over what moves in it; zero where it need not keep its energy."""
+    if not is_closed(scene):
+        return jnp.zeros_like(start.turns)
+    change, size = energy_change(scene, jax.lax.stop_gradient(with_start(start, states)))
+    change = jnp.max(jnp.where(reached, jnp.abs(change[1:]), 0.0))
+    return jax.lax.stop_gradient(over(change, size))
+
+
+def trusted(
+    scene: DiscreteSystem,
+    start: State,
+    scales: Scales,
+    solver: Any,
+    split: Any,
+    t0: Float[Array, ""],
+    ts: Float[Array, " T"],
+    tolerance: Float[Array, ""],
+    stops: Stops,
+    taken: Int[Array, " E"],
+    states: State,
+    policy: StepPolicy,
+) -> Bool[Array, ""]:
+    """Whether steps that were counted from the start were short enough for what came.
+
+    Fewer are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it, where
+    the rod may linger upside down, and in float32, whose rounding it does not show.
+    """
+    name, several = t0.dtype.name, scene.n > 1
+    trusted = jnp.asarray(scene.motion.prescribed) | (scales.strain <= policy.hopeless[name])
+    if name == "float32" and several:
+        trusted = trusted & (_condition(scene) * jnp.finfo(t0.dtype).eps <= tolerance)
+    always = not is_closed(scene) or name == "float32"
+    if not always and not several:
+        return trusted
+    # Where little is to be feared, in the first part of the run, of which the rest is thought to be off in proportion.
+    parts = min(_SEEN, ts.size)
+    whole = jnp.asarray(always) | (scales.strain > policy.hard) | _may_linger(scene, start, policy)
+    looked = whole | ((jnp.arange(parts) == 0) & (parts > 1))
+    off = _off_by_fewer(scene, solver, split, start, t0, ts, stops, taken, states, looked, policy)
+    turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
+    bound = policy.unresolved[name] * (tolerance + policy.each_radian[name] * turned)
+    bound = bound * jnp.where(whole, 1.0, policy.at_first)
+    if stops.inner is not None:  # a leg of one step is held against two, which are less apart than fewer and all
+        bound = jnp.where(jnp.any(taken == 1), bound / 2, bound)
+    return trusted & jnp.all((off <= bound) | ~looked)
+
+
+def _may_linger(scene: DiscreteSystem, start: State, policy: StepPolicy) -> Bool[Array, ""]:
+    """Whether the rod may come to a stop near its inverted equilibrium, where what it is off by grows exponentially."""
+    if scene.gravity is None or scene.motion.flies:
+        return jnp.asarray(False)
+    straight = jnp.zeros_like(start.amplitudes)
+    energy = kinetic_director(scene.body, straight, straight, start.direction_rate)
+    energy = energy + gravity_pivoted(scene.body, scene.gravity, straight, start.direction)
+    top = jnp.sqrt(jnp.sum(scene.gravity**2)) * jnp.abs(scene.body.moment(straight))
+    return jax.lax.stop_gradient(jnp.abs(energy - top) < policy.lingering * top)
+
+
+def _condition(scene: DiscreteSystem) -> Float[Array, ""]:
+    """By how much rounding grows in the mass matrix of the strain."""
+    mass = jax.lax.stop_gradient(scene.body.strain_mass)
+    size = jnp.sqrt(jnp.diagonal(mass))
+    spread = eigvalsh(mass / (size[:, None] * size[None, :]))
+    return spread[-1] / jnp.maximum(spread[0], jnp.finfo(mass.dtype).eps)
+
+
+def _off_by_fewer(
+    scene: DiscreteSystem, solver, split, start: State, t0, ts, stops: Stops, steps, states: State, looked, policy: StepPolicy
+) -> Float[Array, " K"]:  # fmt: skip
+    """By how much the tip is elsewhere with fewer than `steps`, over the furthest it was out, at least the length.
+
+    At K of the save times, the first ones that are `looked` at: at the end alone two errors that oscillate may meet.
+    """
+    seen = np.unique(np.linspace(0, ts.size - 1, looked.size + 1)[1:].astype(int))
+    halts = Stops.merged(t0, ts[seen], stops.inner)
+    reached = seen if stops.inner is None else stops.last_until(halts.ends)
+    legs = jnp.diff(summed(steps)[reached], prepend=0)
+    fewer = jnp.where(legs == 1, 2, jnp.round(policy.fewer * legs).astype(legs.dtype))
+    fewer = fewer * looked if stops.inner is None else fewer  # loads are looked at to the end
+    route = Route(t0, halts.ends, fewer, fewer, halts.ends.size == 1)
+    other = halts.at_saves(march(solver, split, split.encode(start), start.turns, route, False))
+
+    def tip(state: State) -> Float[Array, " D"]:  # in flight from the centre of mass
+        return scene.body.reach(state.amplitudes) * state.direction
+
+    here = jax.vmap(tip)(states)
+    there = jax.vmap(tip)(jax.vmap(split.decode)(ts[seen], other.y, other.turns))
+    size = jnp.maximum(jnp.max(jnp.linalg.norm(here, axis=-1)), scene.length)
+    return jax.lax.stop_gradient(jnp.linalg.norm(here[seen] - there, axis=-1) / size)
