@@ -156,7 +156,7 @@ def test_known_functions_stay_resolved_where_other_numbers_are_traced():
     close(jaxrod.sweep(lambda young: exact(neck(0.01), young=young)[0], jnp.array([2e11, 8e11])), [want, 2 * want])
 
 
-@pytest.mark.parametrize("jacobian", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("jacobian", [pytest.param(jax.jacfwd, marks=pytest.mark.slow), jax.jacrev])
 def test_derivatives_are_of_the_resolved_rod(jacobian):
     """By the width, the place and the length: central differences of the values."""
 
@@ -168,6 +168,7 @@ def test_derivatives_are_of_the_resolved_rod(jacobian):
     close(jacobian(function)(x), difference, 1e-6)
 
 
+@pytest.mark.slow
 def test_traced_functions_that_fixed_panels_do_not_resolve():
     """A gentle function is right; of a narrow one frequencies are NaN, `sweep` counts them and a run ends `invalid`."""
     widths = jnp.array([0.01, 0.02, 0.2])

@@ -22,6 +22,7 @@ def _scene(cone, basis):
     return system, system.state(rate=15.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("basis", [jaxrod.Ritz(1), jaxrod.Ritz(3)], ids=["1", "3"])
 def test_angle_of_the_exact_rod(cone, basis):
     system, start = _scene(cone, basis)

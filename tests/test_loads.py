@@ -145,6 +145,7 @@ def _shaken(uniform, base):
 RIGHT = -0.11009721645  # SciPy, of the formula
 
 
+@pytest.mark.slow
 def test_base_from_a_record(uniform):
     times = jnp.linspace(0.0, 2.0, 2001)
     along = jaxrod.Record(times, 0.05 * jnp.sin(2 * jnp.pi * times))
