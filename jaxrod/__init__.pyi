@@ -70,13 +70,13 @@ from .rods.section import Table as Table
 from .rods.section import Uniform as Uniform
 from .runs.defaults import default_chart as default_chart
 from .runs.defaults import default_solver as default_solver
+from .runs.execution import Reversible as Reversible
 from .runs.invariants import Ledger as Ledger
 from .runs.solution import Solution as Solution
 from .shapes.basis import ForceRitz as ForceRitz
 from .shapes.basis import QuasiStatic as QuasiStatic
 from .shapes.basis import Ritz as Ritz
 from .shapes.load_basis import LoadRitz as LoadRitz
-from .runs.execution import Reversible as Reversible
 from .simulation import simulate as simulate
 
 __version__: str

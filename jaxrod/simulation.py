@@ -31,7 +31,7 @@ from .motions.state import State
 from .rods import plausibility
 from .rods.rod import Rod
 from .runs import arguments
-from .runs.execution import Request, execute, run
+from .runs.execution import Request, execute, solve
 from .runs.solution import Solution
 
 
@@ -155,7 +155,7 @@ def _budgets(quantities: list[AbstractQuantity], request: Request, solution: Sol
 
     def again(system, start, least=None, times=None):
         how = {name: asked[name] for name in steps} if least is None else {"tolerance": least}
-        return run(system, start, **(saved if times is None else {"t0": t0, "ts": times}), **same, **how)
+        return solve(system, start, **(saved if times is None else {"t0": t0, "ts": times}), **same, **how)
 
     def own_times(quantity):  # a run of its own for what looks at more than the end that is saved
         looked = quantity.times(t0, t1) if asked["ts"] is None and asked["saveat"] is None else None

@@ -17,7 +17,7 @@ from ..shapes.basis import QuasiStatic
 
 @functools.cache
 def _table() -> dict[str, Any]:
-    return json.loads(importlib.resources.files(__package__).joinpath("stage_costs.json").read_text())
+    return json.loads(importlib.resources.files("jaxrod.accuracy").joinpath("stage_costs.json").read_text())
 
 
 def seconds(system: System, solver: Any, steps: float) -> float:

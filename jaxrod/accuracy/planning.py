@@ -27,17 +27,17 @@ from ..motions.state import State
 from ..rods.lumped import Lumped
 from ..runs import arguments
 from ..runs.defaults import by_equal_steps, solvers
+from ..runs.execution import solve
 from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
-from ..runs.execution import run
 from . import cost_model
 from .error_budget import NUDGE, nudged, parted
 from .ladder import brought, condensable, richer
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
-from .run_plan import Plan, axial_rate, named
+from .run_plan import Plan, named, step_rate
 
 _SHAPES = (2, 3, 4, 6, 9, 12, 16, 24)  # of the rungs above uniform strain; from four on they may stand for the truth
 _AGREED = 0.1  # of the tolerance: answers that differ by less have come to the true one
@@ -245,10 +245,8 @@ class _Search:
         if self.static or not isinstance(self.quantity, FinalAngle | FinalTip):
             return 0.0, 0.0
         system, start = self.system, self.start
-        weight = 0.0
-        if system.gravity is not None and not (system.motion.prescribed or system.motion.flies):
-            weight = float(jnp.sqrt(jnp.sum(system.gravity**2)))
-        turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + 3 * weight / float(system.rod.length))
+        swing = 0.0 if system.motion.prescribed else float(system.discrete.fastest_swing)
+        turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + swing / 2)
         delta = (
             turning / (2 * math.pi * float(continuum.natural_frequencies(dataclasses.replace(system, forces=()), 1)[0]))
         ) ** 2
@@ -333,7 +331,7 @@ class _Search:
 
     def simulated(self, system: System, start: State, **how) -> Solution:
         ts = self.ts.astype(start.direction.dtype)
-        return run(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **how)
+        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **how)
 
     def asked(self, solution: Solution) -> np.ndarray:
         """The quantity, NaN if the run does not reach its end."""
@@ -349,7 +347,7 @@ class _Search:
             dtype=way.dtype,
             step=duration / way.setting if equal else None,
             tolerance=None if equal else way.setting,
-            axial_rate=float(axial_rate(rung.system, rung.start)),
+            rate=float(step_rate(rung.system, rung.start, self.t0, self.ts[-1])),
             n_steps=way.steps,
             static=self.static,
             error=error,

@@ -14,7 +14,7 @@ from ..mechanics.chart import Local
 from ..mechanics.system import System
 from ..motions.state import State
 from ..runs import arguments
-from ..runs.execution import run
+from ..runs.execution import solve
 
 _TIMES = 1000  # at which the distance is looked at; between them its logarithm is taken as straight
 
@@ -91,7 +91,7 @@ def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horiz
     def tip(offset):
         # Adaptive: of equal steps, written out stage by stage, the forward derivative takes XLA minutes to compile.
         forward = {"solver": diffrax.Dopri8(), "adjoint": diffrax.ForwardMode()}
-        run = run(system, _moved(system, start, offset), t0=t0, ts=ts, **forward)
+        run = solve(system, _moved(system, start, offset), t0=t0, ts=ts, **forward)
         reach = jax.vmap(system.body.reach)(run.states.amplitudes)
         return reach[:, None] * run.states.direction / system.rod.length, run.result
 

@@ -5,11 +5,12 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
 from ..core.precision import in_type
-from ..mechanics.equations import eigenvalues
 from ..mechanics.system import System
 from ..motions.state import State
+from ..runs.scales import Scales
 from ..shapes.basis import AbstractBasis, QuasiStatic
 from .ladder import brought
 
@@ -31,7 +32,7 @@ class Plan(eqx.Module):
     dtype: str = eqx.field(static=True)
     step: float | None = eqx.field(static=True)
     tolerance: float | None = eqx.field(static=True)
-    axial_rate: float = eqx.field(static=True)
+    rate: float = eqx.field(static=True)
     n_steps: int = eqx.field(static=True)
     static: bool = eqx.field(static=True)
     error: float = eqx.field(static=True)
@@ -65,19 +66,16 @@ class Plan(eqx.Module):
         """The keywords of `simulate` for solver and steps of a run from t0 to t1, of a scene on this plan's rung."""
         if self.step is None:
             return {"tolerance": self.tolerance}
-        slower = self.axial_rate / axial_rate(*in_type("float64", (system, start)))
+        slower = self.rate / step_rate(in_type("float64", system), in_type("float64", start), t0, t1)
         # Not one more because t1 is rounded: a step's own count was tried, its neighbour may be in resonance.
         steps = jnp.ceil(jax.lax.stop_gradient((t1 - t0) / (self.step * slower)) * (1 - 1e-6))
         return {"solver": self.solver, "n_steps": jnp.maximum(steps, 1)}
 
 
-def axial_rate(system: System, start: State):
-    """What steps are measured by: the lowest axial rate of the rung in rad/s, of a rigid rod that of its turning."""
-    if system.basis.n and not isinstance(system.basis, QuasiStatic):
-        return jnp.sqrt(eigenvalues(system.body)[0])
-    turning = jnp.sqrt(start.direction_rate @ start.direction_rate)
-    weight = 0.0 if system.gravity is None else jnp.sqrt(jnp.sum(system.gravity**2))
-    return turning + jnp.sqrt(weight / system.rod.length)
+def step_rate(system: System, start: State, t0: Any, t1: Any) -> Float[Array, ""]:
+    """What steps are measured by, in rad/s: the lowest axial rate of the rung, else the turning."""
+    scales = Scales.of(system.discrete, start, jnp.asarray(t0, float), jnp.asarray(t1, float))
+    return scales.axial[0] if scales.axial.size else scales.turning
 
 
 def named(basis: AbstractBasis) -> str:

@@ -18,9 +18,9 @@ from ..motions.state import State
 from ..rods.lumped import Lumped
 from ..runs import arguments
 from ..runs.defaults import by_equal_steps, solvers
+from ..runs.execution import solve
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
-from ..runs.execution import run
 from .ladder import brought, condensable, richer, rung
 from .quantity import as_quantity
 from .reference import exact_answer
@@ -152,7 +152,7 @@ def tradeoff(
             break
         name = named(way.basis)
         if name not in own:
-            fine = run(*brought(system, start, way.basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)
+            fine = solve(*brought(system, start, way.basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)
             own[name] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
         found = _measured(way, system, start, quantity, t0, ts, static, true)
         rows += [row._replace(error=max(row.error, own[name])) for row in found]
@@ -182,7 +182,7 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
     scene, begin, ts_ = in_type(way.dtype, (scene, begin, ts))
     solver, equal = way.solver, by_equal_steps(way.solver)
     if equal:
-        plain = run(scene, begin, t0=t0, ts=ts_)
+        plain = solve(scene, begin, t0=t0, ts=ts_)
         settings = sorted({max(ts.size, int(plain.stats["num_steps"] * x)) for x in _FRACTIONS})
     else:
         settings = _TOLERANCES
@@ -191,7 +191,7 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
     def run(scene, begin, setting):
         adapt = {"stepsize_controller": diffrax.PIDController(rtol=setting, atol=setting)}
         how: dict[str, Any] = {"n_steps": setting} if equal else adapt
-        sol = run(scene, begin, t0=t0, ts=ts_, solver=solver, **how)
+        sol = solve(scene, begin, t0=t0, ts=ts_, solver=solver, **how)
         return quantity(sol), sol.ok, sol.stats["num_steps"]
 
     rows, name = [], type(solver).__name__
@@ -217,6 +217,6 @@ def _reference(system, start, quantity, t0, ts, static: bool):
         return exact.value, max(exact.apart, _KNOWN * float(np.max(np.abs(exact.value)))), "the exact rod"
     rungs = [richer(system)(n) for n in _BEST]
     poorer, best = (
-        quantity(run(*brought(system, start, basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)) for basis in rungs
+        quantity(solve(*brought(system, start, basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)) for basis in rungs
     )
     return best, float(jnp.max(jnp.abs(best - poorer))), named(rungs[-1])

@@ -151,6 +151,9 @@ class Flight(AbstractMotion):
     dimension: ClassVar[int] = 2
     flies: ClassVar[bool] = True
 
+    def __init__(self):
+        pass
+
     @property
     def pivot(self) -> None:
         return None

@@ -58,7 +58,7 @@ def integrate(
     split: Any = None
     if isinstance(solver, AbstractSymplectic):
         split = system.split(start, t0, solver.small_kicks, scene)
-    equations = system if chart is None else system.equations(chart, scene)
+    equations: Any = system if chart is None else system.equations(chart, scene)
     if split is not None:
         term, phase = SplitTerm(split), split.encode(start)
         counted = phase.q is not None

@@ -61,8 +61,8 @@ class Request:
     """
 
     system: System | Lagrangian
-    scene: System | Lagrangian
-    start: State | Phase
+    scene: Any  # System | Lagrangian
+    start: Any  # State | Phase
     times: Times
     ts: Any
     tolerance: Float[Array, ""]
@@ -157,7 +157,7 @@ class Request:
         )  # fmt: skip
 
 
-def run(system: Any, start: Any, **asked: Any) -> Solution:
+def solve(system: Any, start: Any, **asked: Any) -> Solution:
     """A run as asked, by the keywords of `Request.checked`."""
     return execute(Request.checked(system, start, **asked))
 
