@@ -476,7 +476,7 @@ def hinged_free(k):
     return np.sin(k) * np.cosh(k) - np.cos(k) * np.sinh(k)
 
 
-DRIVEN = jaxrod.motion.Driven(lambda t: t)
+DRIVEN = jaxrod.Driven(lambda t: t)
 
 
 @pytest.mark.parametrize(
@@ -501,7 +501,7 @@ def test_bending_held_inside():
     """Hinged in the middle: two clamped halves in step, and the free rod's odd mode.  Clamped: two halves."""
     uniform = jaxrod.Uniform(0.02)
     close(bending(scene(uniform, jaxrod.Rotation(0.5))), [2 * 1.8751040687119611, 7.853204624095838], 1e-10)
-    clamped = scene(uniform, jaxrod.motion.Driven(lambda t: t, pivot=0.5))
+    clamped = scene(uniform, jaxrod.Driven(lambda t: t, pivot=0.5))
     close(bending(clamped), [2 * 1.8751040687119611] * 2, 1e-10)
 
 
@@ -564,7 +564,7 @@ def test_lateral_inertia_of_the_uniform_rod():
         close(found, small, 1e-3)
 
 
-class Flat(jaxrod.section.AbstractSection):
+class Flat(AbstractSection):
     """A strip 0.03 m wide and 0.002 m thick."""
 
     breaks = ()

@@ -477,12 +477,11 @@ def test_shares_nothing_with_the_rungs():
     for path in pathlib.Path(continuum.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.level == 2:
-                of_ours |= {f"{node.module}.{x.name}" if node.module else x.name for x in node.names}
-    rooms = {name.split(".")[0] for name in of_ours}
-    physics = {"force", "mesh", "motion", "quadrature", "rod", "section"}
-    asking = {"calling", "checks", "linear_algebra", "precision", "result", "reversal", "stiffening", "units"}
-    assert rooms == physics | asking | {"preview", "stops"}
-    assert [name for name in of_ours if name.startswith("force.")] == ["force.TipForce"]
+                of_ours |= {f"{node.module}.{x.name}" if node.module else f"{x.name}." for x in node.names}
+    assert {name.split(".")[0] for name in of_ours} == {"core", "integrators", "rods", "motions"}
+    rooms = {name.rsplit(".", 1)[0] for name in of_ours}
+    assert {name for name in rooms if name.startswith("integrators")} == {"integrators.reversal"}
+    assert [name for name in of_ours if name.startswith("motions.force.")] == ["motions.force.TipForce"]
 
 
 def test_pressed_to_nothing_between_the_times(cone):

@@ -73,9 +73,10 @@ class Plan(eqx.Module):
 
 
 def step_rate(system: System, start: State, t0: Any, t1: Any) -> Float[Array, ""]:
-    """What steps are measured by, in rad/s: the lowest axial rate of the rung, else the turning."""
+    """What steps are measured by, in rad/s: the lowest axial rate of the rung, else its turning, however long it runs."""
     scales = Scales.of(system.discrete, start, jnp.asarray(t0, float), jnp.asarray(t1, float))
-    return scales.axial[0] if scales.axial.size else scales.turning
+    rate = scales.axial[0] if scales.axial.size else jnp.hypot(scales.spin, scales.swing)
+    return jnp.where(rate > 0, rate, 1.0)
 
 
 def named(basis: AbstractBasis) -> str:

@@ -1,7 +1,14 @@
-"""The exact rod: longitudinal waves rho A u_tt = (E A u_x)_x of any rod, held anywhere or free.
+"""The exact rod: longitudinal waves of any rod, held anywhere or free.
 
-Its frequencies, its steady spin and, by `simulate`, its whole motion.  Shares no code with the strain bases; of this
-library it reads the rod, how it is held and what is prescribed.
+    rho A u_tt = (E A u_x)_x
+
+- `mesh` puts nodes along the rod; `compliance` says how it is held and what it gives way to forces there.
+- `frequencies` and `modes` are the singular values and vectors of that compliance; `closed_forms`, those of cones.
+- `dynamics` are the equations of motion in the modes, `simulation` runs them, `solution` is what it returns.
+- `neglected`: what the model of a straight rod leaves out, bending and lateral inertia, in numbers.
+
+Shares no code with strain bases and `mechanics`; it reads the rod, how it is held, what is prescribed and the force at its
+tip.  What `simulate` computes by any basis is held against it.
 """
 
 from .closed_forms import free_free as free_free

@@ -17,9 +17,9 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from .. import continuum
 from ..core.linear_algebra import singular_values, svd
 from ..rods.rod import Rod
+from .compliance import axial, support
 from .mesh import Mesh, safe_sqrt
 
 _NU = 0.5  # Poisson's ratio at its greatest, of rubber: the most that lateral inertia can do
@@ -70,9 +70,9 @@ def model_limits(system: Any) -> ModelLimits:
     axial: 19.24 Hz; lateral inertia lowers it by 0.0057 % or less (Poisson's ratio 0.5)
     slenderness 80 (length over radius of gyration)
     """
-    rod, pivot, free = continuum.support(system)
-    support = "free" if free else "clamped" if system.motion.prescribed else "hinged"
-    return _limits(rod, pivot, support)
+    rod, pivot, free = support(system)
+    held = "free" if free else "clamped" if system.motion.prescribed else "hinged"
+    return _limits(rod, pivot, held)
 
 
 @eqx.filter_jit
@@ -127,7 +127,7 @@ def _lateral(rod: Rod, pivot: Any, free: bool) -> tuple[Float[Array, ""], Float[
 
     m = nu^2 int rho I_p u_x^2 ds / int rho A u^2 ds over the first mode u, of which u_x = N / EA.
     """
-    grid, F, *_ = continuum.axial(rod, pivot, free, _ORDER)
+    grid, F, *_ = axial(rod, pivot, free, _ORDER)
     modes, sigma, _ = svd(F, 1)
     omega, rigidity = 1 / sigma[0], rod.modulus(grid.s) * rod.area(grid.s)
     # F^T mode / sigma are the tensions, weighted by (ds / EA)^1/2: u_x^2 ds is their square over EA.

@@ -84,7 +84,7 @@ def by_number(function: Callable[..., Any]) -> Callable[..., Any]:
     """The same function of pytrees that hold `Numbers` where `function` takes arrays.
 
     >>> import jax, jax.numpy as jnp
-    >>> from jaxrod.lanes import by_number, scattered
+    >>> from jaxrod.core.scalarize import by_number, scattered
     >>> energy = lambda q: jnp.sqrt(q @ q)
     >>> print(by_number(jax.grad(energy))(scattered(jnp.array([3.0, 4.0])))[1])
     0.8

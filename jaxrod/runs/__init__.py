@@ -1,5 +1,9 @@
 """One run: what is asked, how it is stepped, what it returns.
 
-`arguments` checks what is asked; `defaults` chooses solver and chart.  `fixed_steps` counts equal steps and runs them,
-`adaptive_steps` has Diffrax adapt them.  `solution` is what they return, `invariants` the books of what was kept.
+- `execution`: a `Request`, its arguments checked by `arguments`, and what runs it; `defaults` choose solver and chart.
+- `scales`: how fast a scene moves.  `fixed_steps` counts equal steps by them and by a `step_policy`, and runs them;
+  `acceptance` says whether the run is to be believed.  `adaptive_steps` has Diffrax adapt them.
+- `solution`: what a run returns.  `invariants`: the books of what it kept.
+
+Runs any scene of `mechanics`, by any solver of `integrators` or Diffrax.
 """

@@ -23,7 +23,7 @@ from ..integrators.symplectic import AbstractSymplectic
 from ..mechanics.chart import AbstractChart
 from ..mechanics.lagrangian import Lagrangian, Phase
 from ..mechanics.system import System
-from ..motions.state import State, check_start
+from ..motions.state import check_start
 from . import arguments
 from .adaptive_steps import by_the_clock, integrate
 from .arguments import Times

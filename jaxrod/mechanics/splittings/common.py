@@ -1,10 +1,10 @@
 """The equations of motion cut into flows that are known exactly.
 
 A split has a *drift*, the motion without loads, and a *kick*, the loads at a frozen position, which is minus a gradient
-that automatic differentiation takes from the energies.  Symmetric compositions of the two (`symplectic.py`) are methods
+that automatic differentiation takes from the energies.  Symmetric compositions of the two (`integrators.symplectic`) are methods
 of high order that keep the energy without a trend.
 
-Everything is per unit of the moment of inertia at rest, and number by number (`lanes.py`): a phase is a pytree of scalars,
+Everything is per unit of the moment of inertia at rest, and number by number (`core.scalarize`): a phase is a pytree of scalars,
 which become vectors of lanes under `vmap`.
 """
 
