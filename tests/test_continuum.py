@@ -17,6 +17,7 @@ import scipy.special
 import jaxrod
 from jaxrod import continuum
 from jaxrod.continuum import neglected
+from jaxrod.rods.section import AbstractSection
 
 ROOT = jaxrod.Rotation()
 
