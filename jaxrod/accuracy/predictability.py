@@ -75,8 +75,8 @@ def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0
     distance = validation.positive("distance", distance, "", "rad and strain")
     if validation.fails(lambda distance, tolerance: distance < tolerance, distance, tolerance):
         raise ValueError(
-            f"distance={validation.shown(distance)} of the starts must be below tolerance={validation.shown(tolerance)}; else nothing "
-            "can be told from the first moment on."
+            f"distance={validation.shown(distance)} of the starts must be below tolerance={validation.shown(tolerance)}; else "
+            "nothing can be told from the first moment on."
         )
     if system.motion.prescribed and system.basis.n == 0:
         raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")

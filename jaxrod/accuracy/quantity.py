@@ -148,7 +148,8 @@ class Measured(AbstractQuantity):
                 raise ValueError(f"Measured({said}={validation.given(value)}) is not text; give a string such as 'm'.")
         if validation.fails(lambda largest: largest > 0, validation.reals("Measured(largest=)", largest)):
             raise ValueError(
-                f"Measured(largest={validation.given(largest)}) must be positive, one number or one for each; inf if there is none."
+                f"Measured(largest={validation.given(largest)}) must be positive, one number or one for each; "
+                "inf if there is none."
             )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 

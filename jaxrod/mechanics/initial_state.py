@@ -34,7 +34,8 @@ def started(
         held = [validation.number("angle", angle, unit="rad"), validation.number("rate", rate, unit="rad/s")]
         if any(validation.fails(lambda x: x == 0, x) for x in held):
             raise ValueError(
-                f"angle={validation.brief(angle)}, rate={validation.brief(rate)}: Driven() prescribes the rotation; leave them out."
+                f"angle={validation.brief(angle)}, rate={validation.brief(rate)}: Driven() prescribes the rotation; "
+                "leave them out."
             )
         angle, rate, _ = system.motion.turning(0.0)
     numbers = {"angle": angle, "rate": rate}

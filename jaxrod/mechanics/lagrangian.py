@@ -46,7 +46,8 @@ class Lagrangian(eqx.Module):
         for name, value in (("function", function), ("force", force), ("solve", solve)):
             if not callable(value) and not (value is None and name != "function"):
                 raise ValueError(
-                    f"Lagrangian({name}={validation.given(value)}) is not a function; give one, such as lambda t, q, v: v @ v / 2."
+                    f"Lagrangian({name}={validation.given(value)}) is not a function; give one, such as "
+                    "lambda t, q, v: v @ v / 2."
                 )
         self.function = tracing.carried(function)
         self.force = None if force is None else tracing.carried(force)

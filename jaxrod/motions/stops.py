@@ -69,8 +69,8 @@ def known_knots(system: Any, clock, start, end) -> tuple[Float[Array, " K"] | No
     unknown = system.unknown(begin, end)
     if validation.fails(lambda unknown: ~unknown, unknown):
         raise ValueError(
-            f"a Record of the scene does not reach over the run, from {validation.shown(begin)} to {validation.shown(end)} s; add "
-            "samples, or of a force one of zero at its end."
+            f"a Record of the scene does not reach over the run, from {validation.shown(begin)} to {validation.shown(end)} s; "
+            "add samples, or of a force one of zero at its end."
         )
     return jnp.asarray(since(zero, found), start.dtype), None if tracing.known(unknown) else unknown
 

@@ -1,6 +1,6 @@
 """One compiled run: a scene in coordinates, stepped by Diffrax, ended by events, decoded into states."""
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -36,88 +36,79 @@ _DIVERGED = 1e6
 @forward_refused()
 @eqx.filter_jit
 def integrate(
-    system, start, chart, t0, t1, ts, atol, solver, stepsize_controller, dt0, n_steps, saveat, event, adjoint,
-    progress_meter, max_steps, longest, knots,
-):  # fmt: skip
+    system: System | Lagrangian,
+    start: Any,  # State | Phase
+    chart: AbstractChart | None,
+    t0: Float[Array, ""],
+    t1: Float[Array, ""],
+    ts: Float[Array, " T"] | None,
+    atol: Float[Array, ""],
+    solver: Any,
+    controller: diffrax.AbstractStepSizeController | None,
+    dt0: Any,
+    n_steps: int | None,
+    saveat: diffrax.SaveAt | None,
+    event: diffrax.Event | None,
+    adjoint: diffrax.AbstractAdjoint,
+    progress_meter: diffrax.AbstractProgressMeter,
+    max_steps: int,
+    longest: Float[Array, ""] | None,
+    knots: Float[Array, " K"] | None,
+) -> Solution:
+    """A run by Diffrax in the coordinates of `chart`; with None a symplectic solver's, or a `Lagrangian`'s, own.
+
+    It saves at `ts` (None: at t1, or by `saveat`).  Steps are given by `controller`, dt0 or n_steps; else they adapt to the
+    local error `atol`, none longer than `longest`, and end at `knots`.
+    """
     if isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint):
         system, start, t0, t1, ts = reversible((system, start, t0, t1, ts), 1, ONCE)
-    valid, given_ts, given_start = t1 > t0, ts, start
+    given, given_start, valid = system, start, t1 > t0
+    given_ts: Any = ts
     if ts is not None:
         valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
         ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
-    given, scene, scales = system, system, None
+    t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
+    scene: Any = system
+    scales = None
     if isinstance(system, System):
         # An invalid scene is run with other numbers: its own would keep its neighbours waiting for NaN.
         system, scene, sound = system.or_idle()
         valid = valid & sound & scene.valid(start)
         start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
-    t1 = jnp.where(valid, t1, t0 + 1 if ts is None else ts[-1])
-    looked = Preview.of(scene, start, t0, t1, knots)
-    if isinstance(scene, DiscreteSystem):
         scales = Scales.of(scene, start, t0, t1)
-    split: Any = None
-    if isinstance(solver, AbstractSymplectic):
-        split = system.split(start, t0, solver.small_kicks, scene)
-    equations: Any = system if chart is None else system.equations(chart, scene)
-    if split is not None:
-        term, phase = SplitTerm(split), split.encode(start)
-        counted = phase.q is not None
-    else:
-        term, phase = diffrax.ODETerm(_Flow(equations)), start if chart is None else equations.encode(t0, start)
-        counted = chart is not None and not chart.counts_turns
-    y0 = Tracked(phase, remainder=None, turns=start.turns if counted else None)
-    if t0.dtype == jnp.float32 and split is None:
-        y0 = y0._replace(remainder=jax.tree.map(jnp.zeros_like, y0.phase))
-    terms = Tracked(term, diffrax.ODETerm(_idle), diffrax.ODETerm(_idle))
-
-    def decode(t, y):
-        turns = 0.0 if y.turns is None else y.turns
-        if split is not None:
-            return split.decode(t, y.phase, turns)
-        return y.phase if chart is None else equations.decode(t, y.phase.q, y.phase.v, turns)
-
-    margin = None
-    if isinstance(system, System) and system.basis.n:
-        margin = _Margin.of(system, scene)
-    given_steps = n_steps is not None or (dt0 is not None and stepsize_controller is None)
-    if n_steps is not None:
-        steps = diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
-    elif given_steps:
-        steps = diffrax.ConstantStepSize()
-    elif stepsize_controller is None:
-        if looked is not None:  # error control sees what changes, once a step ends there
-            most = (t1 - t0) / jnp.maximum(looked.mean_steps, 1.0)
-            longest = most if longest is None else jnp.minimum(most, longest)
-        by_error = _by_error(scene, scales, y0, t1 - t0, atol, longest)
-        steps = _ending_at(Stops.of(t0, t1[None] if ts is None else ts, knots, looked), by_error, t0, ts is not None)
-    elif knots is not None:
-        steps = _ending_at(Stops.of(t0, t1[None], knots, None), stepsize_controller, t0, False)
-    else:
-        steps = stepsize_controller
-
+    looked = Preview.of(scene, start, t0, t1, knots)
+    coordinates = _Coordinates.of(system, scene, start, t0, chart, solver)
+    margin = _Margin.of(system, scene) if isinstance(system, System) and system.basis.n else None
+    adapt = (t1[None] if ts is None else ts, knots, looked, atol, longest)
     raw: Any = diffrax.diffeqsolve(
-        terms, Tracking(mappable(solver)), t0, t1, dt0, y0,
-        saveat=_saveat(saveat, ts, decode), stepsize_controller=steps, adjoint=adjoint,
-        event=_events(event and _begun(event, system, scene, start, chart, t0, t1), decode, margin, t1.dtype),
-        max_steps=max_steps, throw=False,
+        coordinates.terms,
+        Tracking(mappable(solver)),
+        t0,
+        t1,
+        dt0,
+        coordinates.y0,
+        saveat=_saveat(saveat, ts, coordinates),
+        stepsize_controller=_steps(
+            scene, scales, coordinates, t0, t1, controller, dt0, n_steps, ts is not None, *adapt
+        ),
+        adjoint=adjoint,
+        event=_events(event and _begun(event, system, scene, start, chart, t0, t1), coordinates, margin, t1.dtype),
+        max_steps=max_steps,
+        throw=False,
         progress_meter=progress_meter,
-    )  # fmt: skip
-
+    )
     saved = jnp.isfinite(raw.ts["run"]) & valid
-    states = raw.ys["run"]
-    if saveat is None:
-        states = jax.vmap(ravel_pytree(decode(t0, y0))[1])(states)
+    states = raw.ys["run"] if saveat is not None else coordinates.unpacked(t0, raw.ys["run"])
     states = jax.tree.map(lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
     stats |= {} if looked is None else {"unseen": looked.unseen}
-    stats["t_end"] = raw.ts["end"][-1]
-    stats["step"] = (stats["t_end"] - t0) / jnp.maximum(stats["num_accepted_steps"], 1)
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
-    room = jnp.ones(3) if margin is None else margin(decode(t_end, last))
+    stats |= {"t_end": t_end, "step": (t_end - t0) / jnp.maximum(stats["num_accepted_steps"], 1)}
+    room = jnp.ones(3) if margin is None else margin(coordinates.decode(t_end, last))
     code = _result(raw, _finite(last), room, valid, event is not None)
-    if given_steps and scales is not None:
-        longest = _longest_step(scales, solver, split, t0, t1)
-        code = Result.where((code == Result.ok) & (stats["step"] > longest * (1 + 1e-6)), Result.coarse, code)
+    if scales is not None and _are_given(controller, dt0, n_steps):
+        most = _longest_step(scales, solver, coordinates.split, t0, t1)
+        code = Result.where((code == Result.ok) & (stats["step"] > most * (1 + 1e-6)), Result.coarse, code)
     return Solution(
         ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
         states=states,
@@ -125,9 +116,75 @@ def integrate(
         stats=stats,
         system=given,
         start=given_start,
-        method=", ".join(type(x).__name__ for x in (solver, split or chart) if x is not None),
+        method=", ".join(type(x).__name__ for x in (solver, coordinates.split or chart) if x is not None),
         event=None if event is None else _which(raw.event_mask["user"]),
     )
+
+
+class _Coordinates(NamedTuple):
+    """What Diffrax steps: `terms` and where they begin; those of a `split`, of `equations` in a chart, or of a `Lagrangian`
+    (None both)."""
+
+    terms: Tracked
+    y0: Tracked
+    split: Any
+    equations: Moving | Condensed | None
+
+    @staticmethod
+    def of(system: Any, scene: Any, start: Any, t0, chart: AbstractChart | None, solver: Any) -> "_Coordinates":
+        split = equations = None
+        if isinstance(solver, AbstractSymplectic):
+            split = system.split(start, t0, solver.small_kicks, scene)
+            term, phase = SplitTerm(split), split.encode(start)
+            counted = phase.q is not None
+        elif chart is not None:
+            equations = system.equations(chart, scene)
+            term, phase = diffrax.ODETerm(_Flow(equations)), equations.encode(t0, start)
+            counted = not chart.counts_turns
+        else:
+            term, phase, counted = diffrax.ODETerm(_Flow(system)), start, False
+        y0 = Tracked(phase, remainder=None, turns=start.turns if counted else None)
+        if t0.dtype == jnp.float32 and split is None:
+            y0 = y0._replace(remainder=jax.tree.map(jnp.zeros_like, y0.phase))
+        return _Coordinates(Tracked(term, diffrax.ODETerm(_idle), diffrax.ODETerm(_idle)), y0, split, equations)
+
+    def decode(self, t, y: Tracked) -> Any:
+        turns = 0.0 if y.turns is None else y.turns
+        if self.split is not None:
+            return self.split.decode(t, y.phase, turns)
+        return y.phase if self.equations is None else self.equations.decode(t, y.phase.q, y.phase.v, turns)
+
+    # In one array: of several that a loop writes, XLA may copy each as a whole for every row.
+
+    def packed(self, t, y: Tracked, args: Any) -> Array:
+        del args
+        return ravel_pytree(self.decode(t, y))[0]
+
+    def unpacked(self, t0, rows: Array) -> Any:
+        return jax.vmap(ravel_pytree(self.decode(t0, self.y0))[1])(rows)
+
+
+def _are_given(controller: Any, dt0: Any, n_steps: Any) -> bool:
+    """Whether steps do not adapt."""
+    return n_steps is not None or (dt0 is not None and controller is None)
+
+
+def _steps(
+    scene: Any, scales: Scales | None, coordinates: _Coordinates, t0, t1, controller, dt0, n_steps, saves: bool,
+    ends, knots, looked: Preview | None, atol, longest,
+) -> Any:  # fmt: skip
+    """The step size controller: what was given, or by the error, with steps that end at `ends`."""
+    if n_steps is not None:
+        return diffrax.StepTo(jnp.linspace(t0, t1, n_steps + 1))
+    if _are_given(controller, dt0, n_steps):
+        return diffrax.ConstantStepSize()
+    if controller is not None:
+        return controller if knots is None else _ending_at(Stops.of(t0, t1[None], knots, None), controller, t0, False)
+    if looked is not None:  # error control sees what changes, once a step ends there
+        most = (t1 - t0) / jnp.maximum(looked.mean_steps, 1.0)
+        longest = most if longest is None else jnp.minimum(most, longest)
+    by_error = _by_error(scene, scales, coordinates.y0, t1 - t0, atol, longest)
+    return _ending_at(Stops.of(t0, ends, knots, looked), by_error, t0, saves)
 
 
 def by_the_clock(times: Any, saveat: diffrax.SaveAt | None, event: diffrax.Event | None) -> tuple[Any, Any]:
@@ -258,19 +315,14 @@ def _least_step(duration):
     return 1e-2 * jnp.finfo(duration.dtype).eps * duration
 
 
-def _saveat(saveat, ts, decode) -> diffrax.SaveAt:
-    if saveat is None:  # in one array: of several that a loop writes, XLA may copy each as a whole for every row
-
-        def packed(t, y, args):
-            del args
-            return ravel_pytree(decode(t, y))[0]
-
-        run = diffrax.SubSaveAt(t1=ts is None, ts=ts, fn=packed)
+def _saveat(saveat: diffrax.SaveAt | None, ts, coordinates: _Coordinates) -> diffrax.SaveAt:
+    if saveat is None:
+        run = diffrax.SubSaveAt(t1=ts is None, ts=ts, fn=coordinates.packed)
     else:
         inner = saveat.subs.fn
 
         def decoded(t, y, args):
-            return inner(t, decode(t, y), args)
+            return inner(t, coordinates.decode(t, y), args)
 
         run = eqx.tree_at(lambda sub: sub.fn, saveat.subs, decoded)
     return diffrax.SaveAt(subs={"run": run, "end": diffrax.SubSaveAt(t1=True)})
@@ -327,11 +379,11 @@ def _which(happened: PyTree[Bool[Array, ""]]) -> Int[Array, ""]:
     return jnp.where(jnp.any(found), jnp.argmax(found), -1)
 
 
-def _events(event: diffrax.Event | None, decode, margin: _Margin | None, dtype) -> diffrax.Event:
+def _events(event: diffrax.Event | None, coordinates: _Coordinates, margin: _Margin | None, dtype) -> diffrax.Event:
     """What ends every run, as one number that falls through zero, beside the user's event."""
 
     def room(t, y, args, **_):
-        room = jnp.ones(()) if margin is None else jnp.min(margin(decode(t, y)))
+        room = jnp.ones(()) if margin is None else jnp.min(margin(coordinates.decode(t, y)))
         # In JAX's default type, whatever the run's: Diffrax compares it with a literal.
         return jnp.where(_finite(y), room, -1.0).astype(float)
 
@@ -340,7 +392,7 @@ def _events(event: diffrax.Event | None, decode, margin: _Margin | None, dtype) 
         return diffrax.Event(room, optx.Bisection(rtol=rounding, atol=rounding, flip=True), direction=False)
 
     def on_state(condition):
-        return lambda t, y, args, **rest: condition(t, decode(t, y), args, **rest)
+        return lambda t, y, args, **rest: condition(t, coordinates.decode(t, y), args, **rest)
 
     return diffrax.Event(
         {"margin": room, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},

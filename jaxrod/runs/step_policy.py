@@ -24,8 +24,8 @@ class StepPolicy(eqx.Module):
     - `pressed`: the strain below which steps counted from the start are not trusted; `hopeless`: the strain ahead above which
       they are not, by float type.
     - `open_energy`: energy lost, in tolerances, above which steps were too long.
-    - `unresolved`: difference from a run of `fewer` as many steps, in tolerances, that is too large, by float type; `at_first`: share
-      of it that is too large in the first part of a run.  `fewer` is no half, which is in resonance with the same mode.
+    - `unresolved`: difference from a run of `fewer` as many steps, in tolerances, that is too large, by float type; `at_first`:
+      share of it that is too large in the first part of a run.  `fewer` is no half, which is in resonance with the same mode.
     - `hard`: strain ahead above which several shapes are compared so over the whole run; `lingering`: energy, from that of
       standing upside down, within which any run is.
     - `each_radian`: rounding of the tip's place for each radian that the rod turns, over its length, by float type.
