@@ -9,6 +9,7 @@ import pytest
 
 import jaxrod
 from jaxrod.accuracy import cost_model
+from jaxrod.accuracy.fewest_steps import fewest
 from jaxrod.accuracy.planning import _Search
 
 
@@ -155,6 +156,32 @@ def test_one_bad_rung_is_no_refusal(uniform):
 
     assert not search.hopeless([off(7.5e-5, 4), off(1.8e-6, 9), off(1.7e-5, 12)])
     assert search.hopeless([off(1.7e-5, 12)]) and not search.hopeless([off(1.0, 3)])
+
+
+@pytest.mark.parametrize("order", [2, 6, 10])
+def test_the_fewest_steps_by_the_order(order):
+    """Of an error that falls as a power, from too many and from too few; none where it falls no further."""
+
+    def off(steps):
+        return steps**-order + 1e-9 if steps > 3 else np.inf
+
+    few = 1e-6 ** (-1 / order)
+    for begin in (1.0, 100.0):
+        found = fewest(off, 1.0, begin, order, 1e-6)
+        assert found is not None and few <= found <= 2 * few
+    assert fewest(off, 5 * few, 1.0, order, 1e-6) == 5 * few
+    assert fewest(off, 1.0, 1.0, order, 1e-10) is None
+
+
+def test_an_error_that_is_zero_by_luck():
+    """Between two signs of it: steps beside tell."""
+    lucky = [30.0]
+
+    def off(steps):
+        return 0.0 if steps in lucky else 1e4 * steps**-4.0
+
+    found = fewest(off, 1.0, 30.0, 4, 1e-3)
+    assert found is not None and found > 50
 
 
 def test_as_many_steps_as_planned(rigid_plan):

@@ -26,14 +26,11 @@ from ..mechanics.system import System
 from ..motions.state import State
 from ..rods.lumped import Lumped
 from ..runs import arguments
-from ..runs.defaults import by_equal_steps, solvers
-from ..runs.execution import solve
-from ..runs.fixed_steps import LEAST_TOLERANCE
-from ..runs.solution import Solution
+from ..runs.defaults import by_equal_steps
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
-from . import cost_model
 from .error_budget import NUDGE, nudged, parted
+from .fewest_steps import Question, Rung, Way, ways
 from .ladder import brought, condensable, richer
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
@@ -49,25 +46,6 @@ _ROOMY = 0.4  # of the tolerance: a rung that takes more may be dearer by its st
 _FOR_STEPS = 0.9  # of what is left of it
 _HOPELESS = 10.0  # tolerances, by closed form, beyond which a rung is not tried
 _FINE, _FINEST = 1e-11, 1e-12  # tolerance of the runs that a rung is judged by, and of one that judges these
-_LOOSE, _LOOSEST = 1e-4, 0.1  # tolerances that the search begins with and goes to, of solvers that adapt their steps
-_TRIES = 8  # step counts of one solver and type
-_NEAR = 1.5  # a step count within this factor of one too few is good enough
-_BESIDE = 1.07
-_MOST_STEPS = 2**24
-
-
-class _Rung(NamedTuple):
-    """A scene with a basis, its start, the quantity by fine steps, and the run of these."""
-
-    basis: AbstractBasis
-    system: System
-    start: State
-    value: np.ndarray
-    fine: Solution
-
-    @property
-    def fine_steps(self) -> float:
-        return float(self.fine.stats["num_steps"])
 
 
 class _Truth(NamedTuple):
@@ -77,19 +55,7 @@ class _Truth(NamedTuple):
     apart: float
     name: str
     why: str
-    rung: _Rung
-
-
-class _Way(NamedTuple):
-    """Solver, type and steps on a rung; `setting` is their number or, of a solver that adapts them, the tolerance."""
-
-    rung: _Rung
-    solver: Any
-    dtype: str
-    steps: int
-    setting: float
-    off: float
-    cost: float
+    rung: Rung
 
 
 def plan(
@@ -144,7 +110,8 @@ class _Search:
     ):
         self.system, self.start, self.quantity = system, start, quantity
         self.t0, self.ts, self.static, self.tolerance = t0, ts, static, tolerance
-        self.tried: dict[str, _Rung] = {}
+        self.question = Question(quantity, t0, ts)
+        self.tried: dict[str, Rung] = {}
         self.family = richer(system)
         jumps = self.family is ForceRitz or (not static and bool(jnp.any(start.amplitudes != 0)))
         self.power, self.steepest = (1 if jumps else 2), _STEEPEST[not jumps]  # of 1 / shapes, by which errors fall
@@ -152,7 +119,7 @@ class _Search:
     def plan(self) -> Plan:
         truth = self.truth()
         growth, rounding = self.rounding(truth.rung)
-        unit, nearest = f" {self.quantity.unit}".rstrip(), _Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf)
+        unit, nearest = f" {self.quantity.unit}".rstrip(), Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf)
         if math.isinf(growth) and math.isfinite(truth.apart):
             return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
         if not truth.apart <= _FOR_MODEL * self.tolerance:
@@ -201,7 +168,7 @@ class _Search:
         known = exact is not None and exact.apart <= _FOR_MODEL * self.tolerance
         if exact is not None and (known or exact.complete or math.isinf(exact.apart)):
             return _Truth(exact.value, exact.apart, "the exact rod", "", self.rung(self.family(_SHAPES[2])))
-        below: list[_Rung] = []
+        below: list[Rung] = []
         left = [math.inf]
         for n in _SHAPES[2:]:
             rung = self.rung(self.family(n))
@@ -214,19 +181,19 @@ class _Search:
             below[-1].value, max(left), named(below[-1].basis), ", with which those below it agree", below[-1]
         )
 
-    def rounding(self, rung: _Rung) -> tuple[float, float]:
+    def rounding(self, rung: Rung) -> tuple[float, float]:
         """By how many times what each number is rounded by the answer moves, and by how much in float64, or by finer steps if
         that is more; inf beyond the horizon."""
         nudge = NUDGE["float64"]
-        finest = self.simulated(rung.system, rung.start, tolerance=_FINEST)
-        aside = self.simulated(rung.system, nudged(rung.start, nudge), tolerance=_FINE)
+        finest = self.question.run(rung.system, rung.start, tolerance=_FINEST)
+        aside = self.question.run(rung.system, nudged(rung.start, nudge), tolerance=_FINE)
         if bool(parted(rung.fine, finest) | parted(rung.fine, aside)):
             return math.inf, math.inf
-        moved = apart(self.asked(aside), rung.value) / nudge + float(np.max(np.abs(rung.value)))
+        moved = apart(self.question.answer(aside), rung.value) / nudge + float(np.max(np.abs(rung.value)))
         growth = math.sqrt(1 + rung.fine_steps) * moved
-        return growth, max(growth * float(np.finfo(np.float64).eps), apart(self.asked(finest), rung.value))
+        return growth, max(growth * float(np.finfo(np.float64).eps), apart(self.question.answer(finest), rung.value))
 
-    def rungs(self, truth: _Truth) -> Iterator[_Rung]:
+    def rungs(self, truth: _Truth) -> Iterator[Rung]:
         """Those with a chance, the cheapest first."""
         if isinstance(self.system.rod, Lumped):
             yield truth.rung
@@ -254,90 +221,29 @@ class _Search:
         arm = float(system.rod.length) if isinstance(self.quantity, FinalTip) else 1.0
         return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)
 
-    def hopeless(self, tried: list[tuple[float, _Rung]]) -> bool:
+    def hopeless(self, tried: list[tuple[float, Rung]]) -> bool:
         """Whether the most shapes would be too few, as far as the rungs tell that may: errors do not fall evenly."""
         least = [
             known * (rung.basis.n / _SHAPES[-1]) ** self.steepest for known, rung in tried if rung.basis.n >= _SHAPES[2]
         ]
         return not self.static and bool(least) and min(least) > self.tolerance
 
-    def rung(self, basis: AbstractBasis) -> _Rung:
+    def rung(self, basis: AbstractBasis) -> Rung:
         if named(basis) not in self.tried:
             system, start = brought(self.system, self.start, basis, self.static, self.t0)
-            fine = self.simulated(system, start, tolerance=_FINE)
-            self.tried[named(basis)] = _Rung(basis, system, start, self.asked(fine), fine)
+            fine = self.question.run(system, start, tolerance=_FINE)
+            self.tried[named(basis)] = Rung(basis, system, start, self.question.answer(fine), fine)
         return self.tried[named(basis)]
 
-    def ways(self, rung: _Rung, known: float, rounding: float, growth: float) -> Iterator[_Way]:
-        """By each solver and float type the fewest steps that are enough, on a rung that is off by `known`."""
+    def ways(self, rung: Rung, known: float, rounding: float, growth: float) -> Iterator[Way]:
+        """Solvers and float types with their fewest steps, on a rung that is off by `known`."""
         # How float32 rounds shows in the runs themselves, which are held against float64: what is foreseen only tells whether
         # they are worth a try.
         narrow = growth * float(np.finfo(np.float32).eps) <= self.tolerance
-        for dtype in ("float64", "float32") if narrow else ("float64",):
-            for solver in solvers(in_type(dtype, rung.system)):
-                way = self.fewest(rung, solver, dtype, _FOR_STEPS * (self.tolerance - known - rounding))
-                if way is not None:
-                    yield way
+        enough = _FOR_STEPS * (self.tolerance - known - rounding)
+        return ways(self.question, rung, enough, ("float64", "float32") if narrow else ("float64",))
 
-    def fewest(self, rung: _Rung, solver: Any, dtype: str, enough: float) -> _Way | None:
-        """The fewest steps with which the rung comes out to `enough`, sought by the order of the method."""
-        equal = by_equal_steps(solver)
-        order = solver.accuracy if equal else solver.order(None)
-        least, steps = (
-            (float(self.ts.size), rung.fine_steps / 8) if equal else (_LOOSEST ** (-1 / order), _LOOSE ** (-1 / order))
-        )
-        found, fewest, failed = None, math.inf, 0.0
-        for _ in range(_TRIES):
-            steps = max(steps, least)
-            way = self.tried_way(rung, solver, dtype, steps, order)
-            # A zero of the error, between two signs of it, would pass for a small one.
-            good = way.off <= enough and self.tried_way(rung, solver, dtype, _BESIDE * steps, order).off <= enough
-            if good:
-                found, fewest = way, steps
-            else:
-                failed = steps
-            if fewest <= max(_NEAR * failed, least) or failed > _MOST_STEPS:
-                break
-            if found is not None and failed:
-                steps = math.sqrt(failed * fewest)
-                continue
-            factor = 1.1 * (way.off / enough) ** (1 / order) if math.isfinite(way.off) else 4.0
-            steps *= min(max(factor, 1 / 8), 1 / 1.2) if good else min(max(factor, 1.3), 8.0)
-        return found
-
-    def tried_way(self, rung: _Rung, solver: Any, dtype: str, steps: float, order: int) -> _Way:
-        """One run.  Of a solver that adapts its steps `steps` stands for the tolerance, with whose power their number grows."""
-        system, start = in_type(dtype, (rung.system, rung.start))
-        if by_equal_steps(solver):
-            setting = float(round(steps))
-            value, taken = self.run(system, start, solver=solver, n_steps=round(steps))
-        else:
-            setting = max(steps**-order, LEAST_TOLERANCE[dtype])
-            value, taken = self.run(system, start, tolerance=setting)
-        return _Way(
-            rung,
-            solver,
-            dtype,
-            int(taken),
-            setting,
-            apart(value, rung.value),
-            cost_model.seconds(system, solver, taken),
-        )
-
-    def run(self, system: System, start: State, **how) -> tuple[np.ndarray, float]:
-        """The quantity and the number of steps."""
-        solution = self.simulated(system, start, **how)
-        return self.asked(solution), float(solution.stats["num_steps"])
-
-    def simulated(self, system: System, start: State, **how) -> Solution:
-        ts = self.ts.astype(start.direction.dtype)
-        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **how)
-
-    def asked(self, solution: Solution) -> np.ndarray:
-        """The quantity, NaN if the run does not reach its end."""
-        return np.where(bool(solution.ok), np.asarray(self.quantity(solution), float), np.nan)
-
-    def planned(self, way: _Way, error: float, met: bool, why: str) -> Plan:
+    def planned(self, way: Way, error: float, met: bool, why: str) -> Plan:
         rung, duration = way.rung, float(self.ts[-1] - self.t0)
         equal = by_equal_steps(way.solver)
         return Plan(
