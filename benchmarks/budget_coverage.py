@@ -104,7 +104,7 @@ def frequency(system) -> jax.Array:
 def one(kind: Kind, p) -> dict[str, np.ndarray]:
     """Of each quantity (5,) its `value`, `off`, the true error, its `bound`, and the error of the truth, `blur`; how it ended."""
     system, start, ts = scene(kind, jnp.asarray(p))
-    own = jaxrod.Measured(asked, largest=jnp.array([jnp.inf, 4.0, 2.0, 2.0]))
+    own = jaxrod.CustomQuantity(asked, largest=jnp.array([jnp.inf, 4.0, 2.0, 2.0]))
     sol = jaxrod.simulate(system, start, ts=ts, budget=own, throw=False)
     true, ok = exact(system, start, ts, MODES)
     half, _ = exact(system, start, ts, MODES // 2)

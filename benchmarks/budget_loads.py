@@ -67,7 +67,7 @@ def times(p):
 def one(kind, p) -> dict[str, np.ndarray]:
     """Of each quantity `off`, the true error, its `bound`, and the error of the truth, `blur`; how it ended."""
     system, start = kind.build(p, random_loads.blow(kind.form, p), kind.forces)
-    own = jaxrod.Measured(asked, largest=jnp.asarray(RANGE))
+    own = jaxrod.CustomQuantity(asked, largest=jnp.asarray(RANGE))
     with report.quiet():
         sol = jaxrod.simulate(system, start, t0=p["t0"], ts=times(p), budget=own, throw=False)
         (half, _), (true, ok) = (truth(kind, p, n) for n in SHAPES)

@@ -68,7 +68,9 @@ def cases():
         # tan^2(kappa / 2) = A_root / A_tip
         x = np.arctan(np.sqrt(root / tip))
         yield case(
-            f"step with a thick {name}", jaxrod.Steps([0.5], [root, tip]), 2 * np.array([x, np.pi - x, np.pi + x])
+            f"step with a thick {name}",
+            jaxrod.PiecewiseConstant([0.5], [root, tip]),
+            2 * np.array([x, np.pi - x, np.pi + x]),
         )
     parts = [cone_kappa(0.023, 0.02) / 0.3, cone_kappa(0.023, 0.03) / 0.7]
     kappa = np.sort(np.concatenate(parts))[:KEPT]

@@ -201,7 +201,7 @@ def looked_at(kind: str, arguments) -> list[Looked]:
             if not (refusals and plan.met):
                 searched = cheapest(scene, truth, tolerances, others) if searched is None else searched
             least = np.nan if searched is None else searched[tolerance]
-            error = apart(value(scene, scene.system, scene.start, tolerance=plan)[0], truth) if plan.met else np.nan
+            error = apart(value(scene, scene.system, scene.start, plan=plan)[0], truth) if plan.met else np.nan
             found.append(Looked(kind, tolerance, plan.met, plan.cost, error, least))
             broken = plan.met and not (error <= tolerance and not plan.cost > 3 * least)
             if broken or (not plan.met and np.isfinite(least)):

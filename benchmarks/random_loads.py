@@ -57,8 +57,8 @@ def table(p):
 
 
 def stepped(p):
-    section = jaxrod.Steps([0.4], jnp.stack([1.0 + 0 * p["ratio"], p["ratio"]]) * 1e-3)
-    young = jaxrod.Steps([0.7], p["young"] * jnp.stack([1.0 + 0 * p["ratio"], 1 + p["ratio"]]))
+    section = jaxrod.PiecewiseConstant([0.4], jnp.stack([1.0 + 0 * p["ratio"], p["ratio"]]) * 1e-3)
+    young = jaxrod.PiecewiseConstant([0.7], p["young"] * jnp.stack([1.0 + 0 * p["ratio"], 1 + p["ratio"]]))
     return jaxrod.Rod(1.0, section, young, 1200.0, tip_mass=p["body"])
 
 

@@ -72,7 +72,7 @@ def left_to_the_library(young, density):
     yield "the default", f"{type(jaxrod.default_solver(system)).__name__}, Ritz(1)", steps, run()
     plan = jaxrod.plan(system, system.state(rate=16.0), t1=1.0, tolerance=1e-6)
     if plan.met:
-        yield "as planned", f"{type(plan.solver).__name__}, {named(plan.basis)}", plan.n_steps, run(tolerance=plan)
+        yield "as planned", f"{type(plan.solver).__name__}, {named(plan.basis)}", plan.n_steps, run(plan=plan)
     else:
         yield "as planned", "cannot be met", 0, None
 

@@ -8,6 +8,7 @@ from .accuracy.planning import plan as plan
 from .accuracy.predictability import Horizon as Horizon
 from .accuracy.predictability import horizon as horizon
 from .accuracy.quantity import AbstractQuantity as AbstractQuantity
+from .accuracy.quantity import CustomQuantity as CustomQuantity
 from .accuracy.quantity import FinalAngle as FinalAngle
 from .accuracy.quantity import FinalTip as FinalTip
 from .accuracy.quantity import FirstFrequency as FirstFrequency
@@ -64,6 +65,7 @@ from .rods import law as law
 from .rods.lumped import Lumped as Lumped
 from .rods.rod import Rod as Rod
 from .rods.section import Cone as Cone
+from .rods.section import PiecewiseConstant as PiecewiseConstant
 from .rods.section import Profile as Profile
 from .rods.section import Steps as Steps
 from .rods.section import Table as Table

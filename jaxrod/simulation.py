@@ -53,6 +53,7 @@ def simulate(
     adjoint: diffrax.AbstractAdjoint | None = None,
     progress_meter: diffrax.AbstractProgressMeter | None = None,
     max_steps: int = 2**20,
+    plan: Plan | None = None,
     budget: AbstractQuantity | Callable | list | tuple | None = None,
     throw: bool = True,
 ) -> Solution:
@@ -65,7 +66,8 @@ def simulate(
     - `ts`: increasing times in s to save at (T,); or `t1`: the end in s, saving it alone (of a run that stops earlier, where
       it stopped: `sol.ts` says when).
     - `tolerance`: relative error of the tip's position after 1,000 axial periods; 1e-8 in float64 (at least 1e-12),
-      1e-4 in float32 (at least 1e-5).  Or what `jaxrod.plan` has found, to follow it: its rung, solver, steps, float type.
+      1e-4 in float32 (at least 1e-5).
+    - `plan`: what `jaxrod.plan` has found, to follow it: its rung, solver, steps, float type.
     - `chart`: the coordinates to compute in, `Angles()`, `Embedded()` or `Director()`; see `default_chart`.
     - `n_steps`: take so many equal steps instead of adapting them, with `ts` at least one to each of them; under a
       transformation a known number, but of a symplectic or multistep solver, which takes a traced one too.
@@ -98,7 +100,10 @@ def simulate(
     }  # fmt: skip
     validation.switch("throw", throw)
     if isinstance(tolerance, Plan):
-        system, start, asked = _planned(tolerance, system, start, asked)
+        warnings.warn("simulate(tolerance=plan) is written simulate(plan=plan) now.", FutureWarning, stacklevel=2)
+        plan, asked["tolerance"] = tolerance, None
+    if plan is not None:
+        system, start, asked = _planned(plan, system, start, asked)
     request = Request.checked(system, start, **asked)
     quantities = _quantities(budget, request.system)
 
@@ -114,16 +119,18 @@ def simulate(
     return solution
 
 
-def _planned(plan: Plan, system: Any, start: Any, asked: dict[str, Any]) -> tuple[System, State, dict[str, Any]]:
+def _planned(plan: Any, system: Any, start: Any, asked: dict[str, Any]) -> tuple[System, State, dict[str, Any]]:
     """The scene on a plan's rung, its start, and what is asked of its run."""
-    own = ("solver", "n_steps", "stepsize_controller", "dt0", "chart")
+    if not isinstance(plan, Plan):
+        raise ValueError(f"plan={validation.given(plan)} is no plan; give what jaxrod.plan has found.")
+    own = ("tolerance", "solver", "n_steps", "stepsize_controller", "dt0", "chart")
     given = [name for name in own if asked[name] is not None]
     if given:
-        raise ValueError(f"tolerance= is a plan, which chooses them itself; leave out {', '.join(given)}.")
+        raise ValueError(f"plan= chooses them itself; leave out {', '.join(given)}.")
     arguments.check_scene(system, start)
     times = arguments.times(asked["ts"], asked["t1"], asked["t0"], asked["saveat"], jnp.result_type(float))
     system, start = plan.applied(system, start, asked["t0"])
-    return system, start, {**asked, "tolerance": None, **plan.steps(system, start, times.start, times.end)}
+    return system, start, {**asked, **plan.steps(system, start, times.start, times.end)}
 
 
 def _quantities(budget: Any, system: System | Lagrangian) -> list[AbstractQuantity]:

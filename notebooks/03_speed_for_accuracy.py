@@ -81,7 +81,7 @@ display(jaxrod.plot.tradeoff(found, sudden.title))
 #
 # ## What should I take?
 #
-# `plan` finds the cheapest way to a tolerance, and `simulate(tolerance=plan)` follows it, in a sweep too.
+# `plan` finds the cheapest way to a tolerance, and `simulate(plan=plan)` follows it, in a sweep too.
 
 # %%
 plans = {
@@ -92,7 +92,7 @@ for plan in plans.values():
     print(plan, end="\n\n")
 rates = jnp.linspace(14.0, 16.0, 200)
 angles = jaxrod.sweep(
-    lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=2.0, tolerance=plans[1e-2]).angle[-1], rates
+    lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=2.0, plan=plans[1e-2]).angle[-1], rates
 )
 print(f"200 scenes as planned: {angles.min():.2f} to {angles.max():.2f} rad")
 

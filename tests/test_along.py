@@ -134,8 +134,13 @@ def test_others_are_not_looked_at(monkeypatch):
 
     monkeypatch.setattr("jaxrod.rods.looking.resolve", never)
     table = jaxrod.Table([0.0, 0.4, 1.0], radii=[0.02, 0.03, 0.01])
-    for section in (jaxrod.Uniform(0.02), jaxrod.Cone(0.02, 0.03), table, jaxrod.Steps([0.4], [2e-3, 1e-3])):
-        body = rod(section, young=jaxrod.Steps([0.7], [2e11, 7e10]))
+    for section in (
+        jaxrod.Uniform(0.02),
+        jaxrod.Cone(0.02, 0.03),
+        table,
+        jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3]),
+    ):
+        body = rod(section, young=jaxrod.PiecewiseConstant([0.7], [2e11, 7e10]))
         assert body.resolution == Resolution()
         assert bool(body.valid())
 
@@ -207,7 +212,7 @@ def test_a_rod_changed_after_it_was_looked_at():
 @pytest.mark.parametrize("make", [step, Stepped])
 @pytest.mark.parametrize("jacobian", [jax.grad, jax.jacfwd, jax.jacrev])
 def test_the_place_of_a_jump_is_refused(make, jacobian):
-    with pytest.raises(ValueError, match=r"jumps at s=0\.43 m.*Steps.*breaks="):
+    with pytest.raises(ValueError, match=r"jumps at s=0\.43 m.*PiecewiseConstant.*breaks="):
         jacobian(lambda b: exact(make(b))[0])(0.43)
 
 
@@ -293,7 +298,7 @@ def test_by_a_pivot_on_a_kink_that_was_looked_for():
 @pytest.mark.slow
 def test_by_a_pivot_on_a_break():
     """Frequencies have a kink where rigidity jumps, and none where only a name is given to a place."""
-    stepped = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), jaxrod.Steps([0.3], [1e7, 2e7]), 1200.0)
+    stepped = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), jaxrod.PiecewiseConstant([0.3], [1e7, 2e7]), 1200.0)
     named = jaxrod.Rod(1.0, jaxrod.Profile(lambda s: 1e-3 * jnp.exp(s), [0.3, 0.6]), 1e7, 1200.0)
     bases = {"uniform": jaxrod.Ritz(1), "pieces": jaxrod.Ritz(2), "loads": jaxrod.LoadRitz(2)}
 
@@ -344,9 +349,9 @@ def test_a_constant_force_and_a_traced_point():
 
 
 def test_too_fast_a_composite_is_warned_of():
-    fast = jaxrod.Steps([0.5], [1e12, 2e12])
+    fast = jaxrod.PiecewiseConstant([0.5], [1e12, 2e12])
     with pytest.warns(UserWarning, match="beyond any solid"):
-        rod(jaxrod.Uniform(0.01), young=fast, density=jaxrod.Steps([0.5], [1e3, 1e3]))
+        rod(jaxrod.Uniform(0.01), young=fast, density=jaxrod.PiecewiseConstant([0.5], [1e3, 1e3]))
 
 
 def test_smooth_functions_need_nothing():

@@ -113,8 +113,8 @@ PIVOT = 0.55
 
 
 def stepped():
-    steps = jaxrod.Steps([0.35], [2e-3, 1e-3])
-    return jaxrod.Rod(1.0, steps, jaxrod.Steps([0.35], [1e7, 3e7]), 1200.0, tip_mass=0.3)
+    steps = jaxrod.PiecewiseConstant([0.35], [2e-3, 1e-3])
+    return jaxrod.Rod(1.0, steps, jaxrod.PiecewiseConstant([0.35], [1e7, 3e7]), 1200.0, tip_mass=0.3)
 
 
 @pytest.mark.parametrize("kind", [jaxrod.Ritz, jaxrod.ForceRitz])
@@ -167,7 +167,7 @@ def test_equal_steps_are_no_steps():
     """
     area = np.pi * 0.025**2
     plain = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 1e7, 1200.0, tip_mass=0.3)
-    equal = [jaxrod.Steps([s], [x, x]) for s, x in ((0.3, area), (0.3, 1e7), (0.6, 1200.0))]
+    equal = [jaxrod.PiecewiseConstant([s], [x, x]) for s, x in ((0.3, area), (0.3, 1e7), (0.6, 1200.0))]
     pieces = jaxrod.Rod(1.0, *equal, tip_mass=0.3)
     assert pieces.breaks == (0.3, 0.6)
 

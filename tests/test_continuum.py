@@ -253,7 +253,7 @@ def test_spin_elsewhere():
 def stepped(motion=ROOT, **numbers):
     """Root part of length 0.4, tip part of 0.6."""
     area, young, density = (
-        jaxrod.Steps([0.4], values) if np.ndim(values) else values
+        jaxrod.PiecewiseConstant([0.4], values) if np.ndim(values) else values
         for values in (numbers.get("area", [1.0, 1.0]), numbers.get("young", 1.0), numbers.get("density", 1.0))
     )
     return scene(area, motion, young=young, density=density)
@@ -382,7 +382,9 @@ def test_derivatives_of_a_table_with_a_point_on_a_break():
 
     def log(position):
         section = jaxrod.Table(jnp.stack([0.0, position, 1.0]), radii=[0.02, 0.03, 0.01])
-        return jnp.log(continuum.natural_frequencies(scene(section, young=jaxrod.Steps([0.3], [1.0, 4.0])), 2))
+        return jnp.log(
+            continuum.natural_frequencies(scene(section, young=jaxrod.PiecewiseConstant([0.3], [1.0, 4.0])), 2)
+        )
 
     with jax.numpy_rank_promotion("allow"):
         slope, value = jax.jit(jax.jacrev(log))(0.3), jax.jit(log)
@@ -454,7 +456,7 @@ def test_refusals():
         (cone(1.0, 2.0, jaxrod.Rotation(0.5)), "held at its root"),
         (cone(1.0, 2.0, tip_mass=1.0), "leave out tip_mass="),
         (stepped(), "of one material|needs section=Uniform"),
-        (scene(jaxrod.Uniform(1.0), young=jaxrod.Steps([0.5], [1.0, 2.0])), "of one material"),
+        (scene(jaxrod.Uniform(1.0), young=jaxrod.PiecewiseConstant([0.5], [1.0, 2.0])), "of one material"),
     ):
         with pytest.raises(ValueError, match=message):
             continuum.release(system, 0.01, np.ones(1))

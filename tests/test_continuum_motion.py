@@ -306,13 +306,13 @@ def compared(system, start, ts, modes=48, **options):
     return [off(getattr(sol, name), getattr(rung, name)) for name in ("angle", "rate", "tip")]
 
 
-STEPPED = jaxrod.Steps([0.4], [2e-3, 1e-3])
+STEPPED = jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3])
 
 
 @pytest.mark.slow
 def test_breaks_pivot_and_tip_body():
     """All at once: a step in area, another in modulus, a pivot inside, a body at the tip with inertia, gravity."""
-    young = jaxrod.Steps([0.7], [1e7, 3e7])
+    young = jaxrod.PiecewiseConstant([0.7], [1e7, 3e7])
     numbers = {"young": young, "density": 1200.0, "tip_mass": 0.5, "tip_inertia": 0.01}
     system = unit(STEPPED, jaxrod.Rotation(0.15), jaxrod.Ritz(12), gravity=9.81, **numbers)
     angle, rate, tip = compared(system, system.state(angle=0.3, rate=10.0, strain=0.001), jnp.array([0.05, 0.1]))

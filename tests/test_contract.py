@@ -49,6 +49,7 @@ NAMES = [
     "LoadRitz",
     "Local",
     "Lumped",
+    "CustomQuantity",
     "Measured",
     "ModelLimits",
     "Modes",
@@ -70,6 +71,7 @@ NAMES = [
     "Solution",
     "Spherical",
     "State",
+    "PiecewiseConstant",
     "Steps",
     "StormerVerlet",
     "Strains",
@@ -507,3 +509,17 @@ def test_simpler_scenes_are_shorter_programs(motion):
     assert _operations(motion=motion) < _operations(**full)
     assert _operations(**full, n=0) < _operations(**full)
     assert _operations(n=0, gravity=None, motion=motion) < _operations(n=0, motion=motion)
+
+
+# ---- names of before
+
+
+def test_old_names_warn_and_work():
+    with pytest.warns(FutureWarning, match=r"jaxrod\.Steps is called jaxrod\.PiecewiseConstant now") as said:
+        old = jaxrod.Steps([0.4], [2e-3, 1e-3])
+    assert said[0].filename == __file__ and isinstance(old, jaxrod.PiecewiseConstant)
+    rods = [jaxrod.Rod(1.0, area, 1e7, 1200.0) for area in (old, jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3]))]
+    assert rods[0].mass == rods[1].mass and rods[0].breaks == (0.4,)
+    with pytest.warns(FutureWarning, match=r"jaxrod\.Measured is called jaxrod\.CustomQuantity now") as said:
+        old = jaxrod.Measured(lambda sol: sol.energy[-1], "J")
+    assert said[0].filename == __file__ and old.unit == "J"

@@ -409,10 +409,11 @@ def test_driven_rods_that_do_not_rest(angle, gravity, match):
 
 
 def test_breaks():
-    _refused(lambda: jaxrod.Steps(0.5, [1.0, 2.0]), r"breaks=0\.5 must be a sequence of numbers in m")
-    _refused(lambda: jaxrod.Steps([float("nan")], [1.0, 2.0]), r"breaks=\(nan,\) must be finite")
+    _refused(lambda: jaxrod.PiecewiseConstant(0.5, [1.0, 2.0]), r"breaks=0\.5 must be a sequence of numbers in m")
+    _refused(lambda: jaxrod.PiecewiseConstant([float("nan")], [1.0, 2.0]), r"breaks=\(nan,\) must be finite")
     _refused(
-        lambda: _rod(section=jaxrod.Steps([1.5], [1e-3, 2e-3])), r"breaks hold 1\.5 m, outside of 0 < s < length=1 m"
+        lambda: _rod(section=jaxrod.PiecewiseConstant([1.5], [1e-3, 2e-3])),
+        r"breaks hold 1\.5 m, outside of 0 < s < length=1 m",
     )
 
 

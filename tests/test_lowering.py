@@ -87,7 +87,7 @@ def test_uniform_strain_in_space_is_cheapest():
 def test_the_rod_stays_out_of_the_time_loop():
     """Section, a body at the tip, the place of the pivot and the kind of shapes enter the set-up alone."""
     want = operations(basis=TWO)
-    steps = jaxrod.Profile(jaxrod.Steps([0.4], [2e-3, 1e-3]), [0.4])
+    steps = jaxrod.Profile(jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3]), [0.4])
     for keywords in (
         {"section": jaxrod.Uniform(0.025)},
         {"section": steps},

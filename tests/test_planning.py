@@ -28,7 +28,7 @@ def test_a_steel_link_is_rigid(rigid_plan):
     """2 delta omega T = 4e-6: a rigid rod, and its error is what it is said to be."""
     system, start = _steel()
     best = jaxrod.simulate(*jaxrod.ladder.on_rung(system, start, jaxrod.LoadRitz(4)), t1=1.0, tolerance=1e-11)
-    sol = jaxrod.simulate(system, start, t1=1.0, tolerance=rigid_plan)
+    sol = jaxrod.simulate(system, start, t1=1.0, plan=rigid_plan)
     assert rigid_plan.met and rigid_plan.basis.n == 0 and "rigid" in str(rigid_plan)
     assert float(sol.stats["num_steps"]) == rigid_plan.n_steps and sol.angle.dtype == rigid_plan.dtype
     error = float(jnp.max(jnp.abs(sol.tip[-1] - best.tip[-1])))
@@ -38,13 +38,13 @@ def test_a_steel_link_is_rigid(rigid_plan):
 def test_followed_in_other_scenes_and_in_sweeps(rigid_plan):
     """Twice the time, twice the steps; the scene's own numbers, also where they are traced."""
     system, start = _steel()
-    longer = jaxrod.simulate(system, start, t1=2.0, tolerance=rigid_plan)
+    longer = jaxrod.simulate(system, start, t1=2.0, plan=rigid_plan)
     assert abs(float(longer.stats["num_steps"]) - 2 * rigid_plan.n_steps) <= 1
     angles = jnp.linspace(0.1, 0.4, 5)
     ends = jaxrod.sweep(
-        lambda angle: jaxrod.simulate(system, system.state(angle=angle), t1=1.0, tolerance=rigid_plan).angle[-1], angles
+        lambda angle: jaxrod.simulate(system, system.state(angle=angle), t1=1.0, plan=rigid_plan).angle[-1], angles
     )
-    one = jaxrod.simulate(system, system.state(angle=angles[2]), t1=1.0, tolerance=rigid_plan)
+    one = jaxrod.simulate(system, system.state(angle=angles[2]), t1=1.0, plan=rigid_plan)
     np.testing.assert_allclose(ends[2], one.angle[-1], rtol=1e-5)
 
 
@@ -56,7 +56,7 @@ def test_rubber_cone(cone, tolerance):
     system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
     start = system.state(rate=15.0)
     found = jaxrod.plan(system, start, t1=2.0, tolerance=tolerance, quantity=jaxrod.FinalAngle())
-    sol = jaxrod.simulate(system, start, t1=2.0, tolerance=found)
+    sol = jaxrod.simulate(system, start, t1=2.0, plan=found)
     assert found.met and 2 <= found.basis.n <= 4
     assert abs(float(sol.angle[-1]) - exact) <= found.error <= tolerance
 
@@ -71,7 +71,7 @@ def test_kinks_cannot_be_met(uniform):
     rough = jaxrod.plan(system, start, t1=0.03, tolerance=1e-6)
     assert not rough.met and "from the exact rod, and 24 shapes would not mend it" in str(rough)
     with pytest.raises(ValueError, match="cannot be met"):
-        jaxrod.simulate(system, start, t1=0.03, tolerance=found)
+        jaxrod.simulate(system, start, t1=0.03, plan=found)
 
 
 def test_refusals(rigid_plan):
@@ -79,7 +79,12 @@ def test_refusals(rigid_plan):
     with pytest.raises(ValueError, match="tolerance="):
         jaxrod.plan(system, start, t1=1.0, tolerance=-1.0)
     with pytest.raises(ValueError, match=r"leave out solver"):
-        jaxrod.simulate(system, start, t1=1.0, tolerance=rigid_plan, solver=jaxrod.ABA864())
+        jaxrod.simulate(system, start, t1=1.0, plan=rigid_plan, solver=jaxrod.ABA864())
+    with pytest.raises(ValueError, match=r"plan=0\.001 is no plan; give"):
+        jaxrod.simulate(system, start, t1=1.0, plan=1e-3)
+    with pytest.warns(FutureWarning, match=r"simulate\(tolerance=plan\) is written simulate\(plan=plan\) now"):
+        old = jaxrod.simulate(system, start, t1=1.0, tolerance=rigid_plan)
+    assert old.tip[0, 0] == jaxrod.simulate(system, start, t1=1.0, plan=rigid_plan).tip[0, 0]
     with pytest.raises(ValueError, match="traced"):
         jax.jit(lambda a: jaxrod.plan(system, system.state(angle=a), t1=1.0, tolerance=1e-3).error)(0.1)
 
@@ -93,15 +98,12 @@ def test_laws_of_strain_and_late_starts(cone):
     found = jaxrod.plan(system, start, t1=0.1, tolerance=1e-2, quantity=quantity)
     ts = quantity.times(0.0, 0.1)
     true = quantity(jaxrod.continuum.simulate(system, start, ts=ts))
-    assert (
-        found.met
-        and abs(quantity(jaxrod.simulate(system, start, ts=ts, tolerance=found)) - true) <= found.error <= 1e-3
-    )
+    assert found.met and abs(quantity(jaxrod.simulate(system, start, ts=ts, plan=found)) - true) <= found.error <= 1e-3
     faster = jaxrod.System(cone, jaxrod.Driven(lambda t: 5.0 * t**2))
     when = {"t0": 2.0, "t1": 2.1}
     steady = jaxrod.plan(faster, faster.state(), **when, tolerance=1e-2, static=True)
     true = jaxrod.continuum.simulate(faster, faster.state(), t0=2.0, ts=[2.1], static=True).tip
-    planned = jaxrod.simulate(faster, faster.state(), **when, tolerance=steady).tip
+    planned = jaxrod.simulate(faster, faster.state(), **when, plan=steady).tip
     assert steady.met and np.max(np.abs(planned - true)) <= steady.error <= 1e-2
     with pytest.raises(ValueError, match="static=True is of Hooke's law"):
         jaxrod.plan(system, start, t1=0.1, tolerance=1e-3, static=True)
@@ -123,7 +125,7 @@ def test_no_promise_beyond_the_horizon():
     start = system.state(angle=-1.5708, strain=0.3333, rate=2.7, strain_rate=-4.8)
     near = jaxrod.plan(system, start, t1=30.0, tolerance=1e-6)
     true = jaxrod.simulate(system, start, t1=30.0, tolerance=1e-12).tip[-1]
-    planned = jaxrod.simulate(system, start, t1=30.0, tolerance=near).tip[-1]
+    planned = jaxrod.simulate(system, start, t1=30.0, plan=near).tip[-1]
     assert near.met and jnp.max(jnp.abs(planned - true)) <= 1e-6
     for t1, tolerance in ((70.0, 1e-4), (74.0, 1e-3)):
         far = jaxrod.plan(system, start, t1=t1, tolerance=tolerance)

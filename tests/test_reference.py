@@ -48,7 +48,7 @@ def test_what_it_does_not_take(cone):
     lumped = jaxrod.System(jaxrod.Lumped(1.0, 1.0, 1e4, 1.0), jaxrod.Rotation())
     for scene in (rubbed, lumped):
         assert _asked(scene, scene.state(rate=1.0), jaxrod.FinalAngle()) is None
-    ledger = jaxrod.Measured(lambda sol: sol.ledger.energy)
+    ledger = jaxrod.CustomQuantity(lambda sol: sol.ledger.energy)
     assert _asked(system, system.state(rate=1.0), ledger) is None and not comparable(ledger)
     assert _asked(system, system.state(rate=1.0), jaxrod.FinalTip(), ts=1e6 * END) is None
     assert comparable(jaxrod.FinalTip())

@@ -61,7 +61,7 @@ def check(got, want, bound, scale=None):
 PROFILES = {
     "profile_exponential": lambda s: 1e-3 * jnp.exp(-2 * s),
     "profile_sine": lambda s: 1e-3 * (1 + 0.5 * jnp.sin(jnp.pi * s)),
-    "profile_step": jaxrod.Steps([0.4], [2e-3, 1e-3]),
+    "profile_step": jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3]),
 }
 
 
@@ -172,7 +172,7 @@ SCENES = {  # rod and motion
     "uniform": (jaxrod.Uniform(0.025), jaxrod.Rotation(), None),
     "1 : 1000": (jaxrod.Cone(0.02, 2e-5), jaxrod.Rotation(), None),
     "1000 : 1": (jaxrod.Cone(2e-5, 0.02), jaxrod.Rotation(), None),
-    "4 : 1 step": (jaxrod.Steps([0.5], [4e-3, 1e-3]), jaxrod.Rotation(), None),
+    "4 : 1 step": (jaxrod.PiecewiseConstant([0.5], [4e-3, 1e-3]), jaxrod.Rotation(), None),
     "pivot at 0.3": (jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(0.3), None),
     "tip mass": (jaxrod.Uniform(0.025), jaxrod.Rotation(), 2.0),
     "flight": (jaxrod.Uniform(0.025), jaxrod.Flight(), 0.5),

@@ -69,7 +69,7 @@ def test_profiles_and_bodies():
     np.testing.assert_allclose(table.positions, [0.0, 0.5, 2.0])
     np.testing.assert_allclose(table.areas, np.pi * np.array([0.02, 0.021, 0.02]) ** 2)
     assert float(jaxrod.Table([0.0, 1.0], areas=Q([1, 2], "cm^2")).areas[1]) == pytest.approx(2e-4)
-    rod = _steel(young=jaxrod.Steps(Q([40], "cm"), [2e11, 1e11]), section=table)
+    rod = _steel(young=jaxrod.PiecewiseConstant(Q([40], "cm"), [2e11, 1e11]), section=table)
     assert rod.breaks == (0.4,)
     body = jaxrod.Lumped(Q(100, "kg cm^2"), Q(100, "g m"), Q(330, "N mm"), Q(10, "cm"))
     np.testing.assert_allclose(jax.tree.leaves(body), [0.01, 0.1, 0.33, 0.1])
@@ -116,7 +116,7 @@ def test_parameters_of_a_fit_are_in_si():
         (lambda: jaxrod.simulate(_scene(), _scene().state(), ts=Q([1, 2], "m")), r"ts=\[1 2\] meter does not"),
         (lambda: jaxrod.simulate(_scene(), _scene().state(), t1=1.0, tolerance=Q(1, "mm")), "tolerance=1 millimeter"),
         (lambda: jaxrod.Torque(Q(1, "N")), r"Torque\(moment=\)=1 newton does not convert to N m"),
-        (lambda: jaxrod.Steps(Q([1], "s"), [1.0, 2.0]), r"breaks=\[1\] second does not convert to m"),
+        (lambda: jaxrod.PiecewiseConstant(Q([1], "s"), [1.0, 2.0]), r"breaks=\[1\] second does not convert to m"),
         (lambda: jaxrod.equilibrium(_scene(), spin=Q(1, "m")), "spin=1 meter does not convert to rad/s"),
         (lambda: jaxrod.Rotation(Q(0, "s")), "pivot=0 second does not convert to m"),
         (lambda: jaxrod.Lumped(1.0, Q(1, "kg"), 1.0, 1.0), "first_moment=1 kilogram does not convert to kg m"),
@@ -322,7 +322,10 @@ def test_numbers_at_the_ends_of_their_type():
 
 def test_a_slip_in_a_part_of_the_rod():
     with pytest.warns(UserWarning, match="beyond any solid"):
-        _steel(young=jaxrod.Steps([0.5], [2e11, 2e14]), density=jaxrod.Steps([0.5], [7800.0, 7800.0]))
+        _steel(
+            young=jaxrod.PiecewiseConstant([0.5], [2e11, 2e14]),
+            density=jaxrod.PiecewiseConstant([0.5], [7800.0, 7800.0]),
+        )
 
 
 def test_inches_are_right():

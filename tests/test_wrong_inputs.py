@@ -182,7 +182,7 @@ TAKERS = {
     "event": (lambda f: run(event=diffrax.Event(f)), "^event "),
     "saveat": (lambda f: run(saveat=diffrax.SaveAt(t1=True, fn=f)), r"^saveat\.fn "),
     "budget": (lambda f: quick(budget=f), "^quantity "),
-    "Measured": (lambda f: jaxrod.Measured(f, name="peak")(sol()), "^peak "),
+    "CustomQuantity": (lambda f: jaxrod.CustomQuantity(f, name="peak")(sol()), "^peak "),
     "sweep": (lambda f: jaxrod.sweep(f, jnp.ones(3)), "^fn "),
     "order_by": (lambda f: jaxrod.sweep(lambda x: x, jnp.ones(3), order_by=f), "^order_by "),
     "model": (fitted, "^model "),
@@ -190,8 +190,8 @@ TAKERS = {
 # What is right for some: computed without tracing, or of any shape or kind.
 RIGHT = {
     ("saveat", "complex"), ("saveat", "shape"), ("saveat", "dict"), ("sweep", "complex"), ("sweep", "shape"), ("sweep", "dict"),
-    ("budget", "shape"), ("Measured", "shape"), ("Measured", "numpy"), ("Measured", "math"), ("Measured", "if"),
-    ("Measured", "float"), ("own force", "too many arguments"), ("model", "shape"),
+    ("budget", "shape"), ("CustomQuantity", "shape"), ("CustomQuantity", "numpy"), ("CustomQuantity", "math"), ("CustomQuantity", "if"),
+    ("CustomQuantity", "float"), ("own force", "too many arguments"), ("model", "shape"),
 }  # fmt: skip
 FUNCTIONS = [
     pytest.param(
@@ -388,11 +388,11 @@ ROWS = [
     ("Table: matrix", lambda: jaxrod.Table(np.eye(2), np.eye(2)), r"Table\(positions=\) has shape \(2, 2\); give", ValueError),
     ("Table: one point", lambda: jaxrod.Table([0.0], [1.0]), r"holds 1 points; give", ValueError),
     ("Table: not to the tip", lambda: rod(section=jaxrod.Table([0, 0.5], [0.1, 0.1])), r"must reach.*length=1", ValueError),
-    ("Steps: breaks text", lambda: jaxrod.Steps("12", [1, 2, 3]), r"breaks='12' must be a sequence", ValueError),
-    ("Steps: breaks dict", lambda: jaxrod.Steps({0.5: 1}, [1, 2]), r"breaks=\{0\.5: 1\} must be a sequence", ValueError),
-    ("Steps: breaks complex", lambda: jaxrod.Steps([1j], [1, 2]), r"breaks=.*must be a sequence", ValueError),
-    ("Steps: values too few", lambda: jaxrod.Steps([0.5], [1.0]), r"Steps\(values=\) has shape \(1,\) but must", ValueError),
-    ("Steps: values words", lambda: jaxrod.Steps([0.5], ["a", "b"]), r"Steps\(values=\)=.*give", ValueError),
+    ("PiecewiseConstant: breaks text", lambda: jaxrod.PiecewiseConstant("12", [1, 2, 3]), r"breaks='12' must be a sequence", ValueError),
+    ("PiecewiseConstant: breaks dict", lambda: jaxrod.PiecewiseConstant({0.5: 1}, [1, 2]), r"breaks=\{0\.5: 1\} must be a sequence", ValueError),
+    ("PiecewiseConstant: breaks complex", lambda: jaxrod.PiecewiseConstant([1j], [1, 2]), r"breaks=.*must be a sequence", ValueError),
+    ("PiecewiseConstant: values too few", lambda: jaxrod.PiecewiseConstant([0.5], [1.0]), r"PiecewiseConstant\(values=\) has shape \(1,\) but must", ValueError),
+    ("PiecewiseConstant: values words", lambda: jaxrod.PiecewiseConstant([0.5], ["a", "b"]), r"PiecewiseConstant\(values=\)=.*give", ValueError),
     ("Profile: a number", lambda: jaxrod.Profile(1e-3), r"section=0\.001 is not a section; give", ValueError),
     ("Profile: breaks none", lambda: jaxrod.Profile(lambda s: 1 + s, breaks=None), r"breaks=None must be a sequence", ValueError),
     # scenes
@@ -646,14 +646,14 @@ ROWS = [
     ("horizon: distance above tolerance", lambda: jaxrod.horizon(scene(), start(), t1=1.0, tolerance=1e-3, distance=1.0), r"distance=1 .*must", ValueError),
     ("horizon: rigid and driven", lambda: jaxrod.horizon(*_rigid_drive(), t1=1.0, tolerance=1e-3), r"Driven\(\).*take", ValueError),
     ("continuum.natural_frequencies: n beyond patience", lambda: jaxrod.continuum.natural_frequencies(scene(), 100_000), "n=100000 must be a whole number of frequencies, 1 to 2000", ValueError),
-    ("Measured: a number", lambda: jaxrod.Measured(3), r"Measured\(function=3\) is not a function; give", ValueError),
-    ("Measured: text", lambda: jaxrod.Measured("a"), r"Measured\(function='a'\) is not a function; give", ValueError),
-    ("Measured: a class", lambda: jaxrod.Measured(jaxrod.FinalTip), r"Measured\(function=.*give", ValueError),
-    ("Measured: unit 3", lambda: jaxrod.Measured(lambda sol: 1.0, unit=3), r"Measured\(unit=3\) is not text; give", ValueError),
-    ("Measured: name none", lambda: jaxrod.Measured(lambda sol: 1.0, name=None), r"Measured\(name=None\) is not text; give", ValueError),
-    ("Measured: largest text", lambda: jaxrod.Measured(lambda sol: 1.0, largest="a"), r"Measured\(largest=\)='a'.*give", ValueError),
-    ("Measured: largest of another shape", lambda: jaxrod.Measured(lambda sol: sol.tip[-1], largest=jnp.ones(3))(sol()), r"Measured\(largest=\) of shape \(3,\) does not fit the quantity, of shape \(2,\)", ValueError),
-    ("Measured: largest negative", lambda: jaxrod.Measured(lambda sol: 1.0, largest=-1.0), r"Measured\(largest=-1\.0\) must be", ValueError),
+    ("CustomQuantity: a number", lambda: jaxrod.CustomQuantity(3), r"CustomQuantity\(function=3\) is not a function; give", ValueError),
+    ("CustomQuantity: text", lambda: jaxrod.CustomQuantity("a"), r"CustomQuantity\(function='a'\) is not a function; give", ValueError),
+    ("CustomQuantity: a class", lambda: jaxrod.CustomQuantity(jaxrod.FinalTip), r"CustomQuantity\(function=.*give", ValueError),
+    ("CustomQuantity: unit 3", lambda: jaxrod.CustomQuantity(lambda sol: 1.0, unit=3), r"CustomQuantity\(unit=3\) is not text; give", ValueError),
+    ("CustomQuantity: name none", lambda: jaxrod.CustomQuantity(lambda sol: 1.0, name=None), r"CustomQuantity\(name=None\) is not text; give", ValueError),
+    ("CustomQuantity: largest text", lambda: jaxrod.CustomQuantity(lambda sol: 1.0, largest="a"), r"CustomQuantity\(largest=\)='a'.*give", ValueError),
+    ("CustomQuantity: largest of another shape", lambda: jaxrod.CustomQuantity(lambda sol: sol.tip[-1], largest=jnp.ones(3))(sol()), r"CustomQuantity\(largest=\) of shape \(3,\) does not fit the quantity, of shape \(2,\)", ValueError),
+    ("CustomQuantity: largest negative", lambda: jaxrod.CustomQuantity(lambda sol: 1.0, largest=-1.0), r"CustomQuantity\(largest=-1\.0\) must be", ValueError),
     ("LargestStrain: beyond the rod", lambda: jaxrod.LargestStrain(at=2.0)(sol()), r"at=2 m lies beyond the rod; it must", ValueError),
     # the exact rod
     *(
@@ -766,7 +766,9 @@ WARNED = [
     ("configure again, else", lambda: jaxrod.configure(devices=1), r"configure\(\) was called before, and stays"),
     (
         "stiffer than any solid",
-        lambda: rod(young=jaxrod.Steps([0.5], [1e12, 2e12]), density=jaxrod.Steps([0.5], [1e3, 1e3])),
+        lambda: rod(
+            young=jaxrod.PiecewiseConstant([0.5], [1e12, 2e12]), density=jaxrod.PiecewiseConstant([0.5], [1e3, 1e3])
+        ),
         r"young=",
     ),
 ]

@@ -78,7 +78,7 @@ def plan(
     - `quantity`: what is asked, such as `jaxrod.FinalTip()` (the default), or a function of a solution.
     - `static`: start the rod stretched as it is at rest in its spin and gravity, on each rung by that rung's own strain.
 
-    **Returns:** a `Plan`; `simulate(system, start, tolerance=plan)` follows it, under `sweep` too.  If none is found, its
+    **Returns:** a `Plan`; `simulate(system, start, plan=plan)` follows it, under `sweep` too.  If none is found, its
     `met` is false and `why` says what stands in the way.
 
     **Raises:** `ValueError` if the tolerance is not positive, t1 not after t0, `quantity` none that can be asked for, numbers of
@@ -94,7 +94,7 @@ def plan(
     >>> print(found.met, found.basis.n)
     True 0
     """
-    arguments.check_known(system, start, "plan one like it before, and follow that plan by tolerance=plan", static)
+    arguments.check_known(system, start, "plan one like it before, and follow it by simulate(plan=plan)", static)
     quantity = as_quantity(quantity)
     tolerance = float(validation.positive("tolerance", tolerance, quantity.unit, "the quantity's unit"))
     system, start = in_type("float64", (system, start))

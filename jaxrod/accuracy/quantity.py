@@ -1,6 +1,7 @@
 """What one wants to know of a run: numbers with a unit, and the range that they can lie in."""
 
 import abc
+import warnings
 from collections.abc import Callable
 from typing import Any, ClassVar
 
@@ -124,12 +125,12 @@ class FinalTip(AbstractQuantity):
         return 2 * system.rod.length
 
 
-class Measured(AbstractQuantity):
+class CustomQuantity(AbstractQuantity):
     """A quantity of your own: `function` of a solution, its `unit`, and how far apart answers can lie at the most: one
     positive number, or one for each that the function returns.
 
     >>> import jaxrod
-    >>> jaxrod.Measured(lambda sol: sol.energy[-1], "J").unit
+    >>> jaxrod.CustomQuantity(lambda sol: sol.energy[-1], "J").unit
     'J'
     """
 
@@ -141,14 +142,16 @@ class Measured(AbstractQuantity):
     def __init__(self, function: Callable[[Any], Any], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"):
         if isinstance(function, type) or not callable(function):
             raise ValueError(
-                f"Measured(function={validation.given(function)}) is not a function; give one of a solution."
+                f"CustomQuantity(function={validation.given(function)}) is not a function; give one of a solution."
             )
         for said, value in (("unit", unit), ("name", name)):
             if not isinstance(value, str):
-                raise ValueError(f"Measured({said}={validation.given(value)}) is not text; give a string such as 'm'.")
-        if validation.fails(lambda largest: largest > 0, validation.reals("Measured(largest=)", largest)):
+                raise ValueError(
+                    f"CustomQuantity({said}={validation.given(value)}) is not text; give a string such as 'm'."
+                )
+        if validation.fails(lambda largest: largest > 0, validation.reals("CustomQuantity(largest=)", largest)):
             raise ValueError(
-                f"Measured(largest={validation.given(largest)}) must be positive, one number or one for each; "
+                f"CustomQuantity(largest={validation.given(largest)}) must be positive, one number or one for each; "
                 "inf if there is none."
             )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
@@ -157,13 +160,21 @@ class Measured(AbstractQuantity):
         value = calling.answer(self.name, "of a solution -> one array", self.function, solution)
         if np.ndim(self.largest) and np.shape(self.largest) != value.shape:
             raise ValueError(
-                f"Measured(largest=) of shape {np.shape(self.largest)} does not fit the {self.name}, of shape {value.shape}; "
-                "give one number, or one for each."
+                f"CustomQuantity(largest=) of shape {np.shape(self.largest)} does not fit the {self.name}, of "
+                f"shape {value.shape}; give one number, or one for each."
             )
         return value
 
     def span(self, system):
         return jnp.asarray(self.largest)
+
+
+class Measured(CustomQuantity):
+    """The name that `CustomQuantity` had; it goes with the next release."""
+
+    def __init__(self, function: Callable[[Any], Any], unit: str = "", largest: Any = jnp.inf, name: str = "quantity"):
+        warnings.warn("jaxrod.Measured is called jaxrod.CustomQuantity now.", FutureWarning, stacklevel=4)
+        super().__init__(function, unit, largest, name)
 
 
 def as_quantity(given: AbstractQuantity | Callable[[Any], Any] | None) -> AbstractQuantity:
@@ -180,4 +191,4 @@ def as_quantity(given: AbstractQuantity | Callable[[Any], Any] | None) -> Abstra
         raise ValueError(
             f"quantity {shown} cannot be asked for; give one, such as FinalTip(), or a function of a solution."
         )
-    return Measured(given)
+    return CustomQuantity(given)

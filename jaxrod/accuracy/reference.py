@@ -9,7 +9,7 @@ from .. import continuum
 from ..mechanics.system import System
 from ..motions.state import State
 from ..rods.rod import Rod
-from .quantity import AbstractQuantity, Measured
+from .quantity import AbstractQuantity, CustomQuantity
 
 _MODES = (8, 16, 32, 64, 128, 256)
 _MOST_STEPS = 2e5  # radians of the highest mode in a run: some seconds
@@ -64,7 +64,7 @@ def exact_answer(
 
 def comparable(quantity: AbstractQuantity) -> bool:
     """Whether the quantity is one of motion, which the exact rod has too: functions of one's own may read what it has not."""
-    return not isinstance(quantity, Measured)
+    return not isinstance(quantity, CustomQuantity)
 
 
 def apart(a: Any, b: Any) -> float:

@@ -23,7 +23,7 @@ class Plan(eqx.Module):
     the quantity's `unit`; `cost`: computing time in s of one scene of a sweep, on one core of the machine that
     `benchmarks/calibration.py` was last run on; `why`, a sentence.
 
-    `simulate(system, start, tolerance=plan)` follows it, in other scenes too: these take as many steps to an axial period.
+    `simulate(system, start, plan=plan)` follows it, in other scenes too: these take as many steps to an axial period.
     """
 
     met: bool = eqx.field(static=True)
@@ -42,7 +42,7 @@ class Plan(eqx.Module):
     unit: str = eqx.field(static=True)
     why: str = eqx.field(static=True)
 
-    def __str__(self):
+    def __repr__(self):
         unit = f" {self.unit}" if self.unit else ""
         if not self.met:
             return f"{self.quantity} to {self.asked:.0e}{unit}: cannot be met, because {self.why}"
@@ -59,7 +59,7 @@ class Plan(eqx.Module):
         **Raises:** `ValueError` if the plan says that the tolerance cannot be met.
         """
         if not self.met:
-            raise ValueError(f"tolerance={self}; plan with a larger tolerance.")
+            raise ValueError(f"plan={self}; plan with a larger tolerance.")
         return in_type(self.dtype, brought(system, start, self.basis, self.static, t0))
 
     def steps(self, system: System, start: State, t0, t1) -> dict[str, Any]:

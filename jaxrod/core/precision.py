@@ -24,7 +24,7 @@ def in_type(dtype: Any, tree: Any) -> Any:
     return jax.tree.map(lambda x: x.astype(dtype) if eqx.is_inexact_array(x) else x, tree)
 
 
-def warn_if_lowered(dtype: Any, system: Any, start: Any) -> None:
+def warn_if_lowered(dtype: Any, system: Any, start: Any, stacklevel: int = 3) -> None:
     """Warn where a few numbers in float32 have a whole run computed in it, though JAX's default is float64."""
     if dtype != jnp.float32:
         return
@@ -33,7 +33,7 @@ def warn_if_lowered(dtype: Any, system: Any, start: Any) -> None:
     if low and plain:
         warnings.warn(
             f"{low} in float32, and so the run is; give Python numbers or float64, or all numbers in float32.",
-            stacklevel=3,
+            stacklevel=stacklevel,
         )
 
 

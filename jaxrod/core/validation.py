@@ -15,6 +15,7 @@ from jaxtyping import Array, Float, Inexact
 
 from . import tracing, units
 
+_FEW = 6  # numbers that are repeated in a representation
 _BRIEF = 60  # characters of what is repeated in a message
 
 
@@ -134,6 +135,7 @@ def given(value: Any) -> str:
     """What was given in place of something else, as it is written in an error message: in a few words."""
     if isinstance(value, jax.Array | np.ndarray) and (np.ndim(value) > 0 or not tracing.known(value)):
         return f"an array of shape {np.shape(value)}"
+    value = value.func if isinstance(value, jax.tree_util.Partial) and not value.args else value
     if isinstance(value, types.FunctionType):
         return f"<function {value.__name__}>"
     text = repr(value)
@@ -141,7 +143,23 @@ def given(value: Any) -> str:
     return text if told else f"{type(value).__name__}(...)"
 
 
-def brief(value: Any) -> str:
-    """A number as it is written in a representation; anything else in a few words."""
+def brief(value: Any, unit: str = "") -> str:
+    """A number as it is written in a representation, with its unit; anything else in a few words."""
     number = isinstance(value, int | float | np.number | jax.Array) and tracing.known(value) and np.ndim(value) == 0
-    return f"{value:.6g}" if number else given(value)
+    if isinstance(value, jax.Array) and not tracing.known(value):
+        return "traced"
+    return f"{value:.6g} {unit}".rstrip() if number else given(value)
+
+
+def listed(values: Any) -> str:
+    """A few numbers in a row, as they are written in a representation; of many how many there are."""
+    if not tracing.known(values) or np.ndim(values) != 1:
+        return given(values)
+    return shown(values) if np.size(values) <= _FEW else f"[{np.size(values)} numbers]"
+
+
+def written(module: Any, dtype: Any = None, **in_units: str) -> str:
+    """A module as one writes it: the fields named with their units, but those that are None; last the type of its numbers."""
+    fields = {name: (getattr(module, name, None), unit) for name, unit in in_units.items()}
+    told = [f"{name}={brief(value, unit)}" for name, (value, unit) in fields.items() if value is not None]
+    return f"{type(module).__name__}({', '.join([*told, *([] if dtype is None else [str(dtype)])])})"

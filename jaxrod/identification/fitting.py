@@ -54,7 +54,7 @@ class Fit(eqx.Module):
     steps: int
     method: str
 
-    def __str__(self):
+    def __repr__(self):
         named = jax.tree_util.tree_leaves_with_path(self.parameters)
         lines = [
             f"{_name(path)} = {value:.6g} +- {error:.2g}"

@@ -67,6 +67,12 @@ class System(eqx.Module):
         self.forces = tuple(forces)
         check_parts(rod, motion, self.basis, self.forces, lambda: self.body)
 
+    def __repr__(self):
+        gravity = [] if self.gravity is None else [f"gravity={validation.brief(self.gravity, 'm/s^2')}"]
+        forces = [f"forces={self.forces!r}"] if self.forces else []
+        lines = [self.rod, f"{self.motion!r}, {self.basis!r}", *gravity, *forces, precision.float_type(self)]
+        return "System(\n" + "".join(f"  {line},\n" for line in lines) + ")"
+
     # ---- the rod as the basis sees it
 
     @property

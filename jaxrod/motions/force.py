@@ -48,6 +48,9 @@ class AbstractForce(eqx.Module):
         del t, state
         power()
 
+    def __repr__(self):
+        return validation.written(self, **dict.fromkeys(vars(self), ""))
+
     @property
     def varies(self) -> bool:
         """Whether it has to be looked at, as it may depend on time in a way that nothing tells the stepper."""

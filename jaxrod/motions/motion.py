@@ -52,6 +52,10 @@ class AbstractMotion(eqx.Module):
             return gravity
         return jnp.zeros(self.dimension, gravity.dtype).at[-1].set(-gravity)
 
+    def __repr__(self):
+        in_units = {name: "m" if name == "pivot" else "" for name in vars(self)}
+        return validation.written(self, **in_units)
+
     def unknown(self, t0: Float[Array, ""], t1: Float[Array, ""]) -> Bool[Array, ""]:
         """Whether a `Record` of what is prescribed does not reach over a run from t0 to t1 (s)."""
         return beyond(signals(self), t0, t1, may_end=False)

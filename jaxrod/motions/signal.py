@@ -126,6 +126,9 @@ class Record(AbstractSignal):
         value = here + x * (v + x * (a + x * (cubic + x * (quartic + x * quintic))))
         return jnp.where((t >= self.times[0]) & (t <= self.times[-1]), value, 0.0)
 
+    def __repr__(self):
+        return f"Record({validation.listed(self.times)} s, samples of shape {np.shape(self.samples)})"
+
 
 class Impulse(AbstractSignal):
     """A blow: a smooth pulse (1 - cos) of known total, however short.
@@ -145,6 +148,9 @@ class Impulse(AbstractSignal):
     start: Float[Array, ""]
     width: Float[Array, ""]
     given_in: Any = eqx.field(static=True)  # unit, None of plain numbers
+
+    def __repr__(self):
+        return validation.written(self, total="", start="s", width="s")
 
     def __init__(self, total, start, width):
         self.given_in = units.of(total)

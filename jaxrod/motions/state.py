@@ -43,6 +43,17 @@ class State(eqx.Module):
         """The states at this index of the leading axes."""
         return jax.tree.map(lambda x: x[index], self)
 
+    def __repr__(self):
+        numbers = jax.tree.leaves(self)
+        if not all(isinstance(x, jax.Array | np.ndarray) and tracing.known(x) for x in numbers):
+            return "State(...)"
+        told = {"angle": "rad", "rate": "rad/s", "strain": "", "strain_rate": "1/s"}
+        told |= {} if self.planar else {"azimuth": "rad", "azimuth_rate": "rad/s"}
+        if self.turns.ndim == 0:
+            return validation.written(self, self.direction.dtype, **told)
+        ranges = [_range(name, getattr(self, name), unit) for name, unit in told.items()]
+        return f"State of shape {self.turns.shape} in {self.direction.dtype}: {', '.join(ranges)}"
+
     @property
     def planar(self) -> bool:
         """Whether the director lives in a plane."""
@@ -104,6 +115,10 @@ def heading(direction: Float[Array, "*batch D"]) -> Float[Array, "*batch"]:
     """Angle in (-pi, pi] of the first two components; zero (with zero gradient) where both vanish."""
     polar = (direction[..., 0] == 0) & (direction[..., 1] == 0)
     return jnp.arctan2(direction[..., 1], jnp.where(polar, 1.0, direction[..., 0]))
+
+
+def _range(name: str, values: Array, unit: str) -> str:
+    return f"{name} {np.nanmin(values):.6g} .. {np.nanmax(values):.6g} {unit}".rstrip()
 
 
 def _horizontal(direction: Float[Array, "*batch 3"]) -> tuple[Float[Array, "*batch 2"], Float[Array, "*batch"]]:

@@ -66,13 +66,13 @@ def look_along(rod: Any, given: Any) -> Resolution:
     for begin, end in filter(None, steep):
         raise ValueError(
             f"section, young or density is so steep between s={begin:.6g} and {end:.6g} m that its derivative by a traced number "
-            "would come out wrong; make it less steep, or a jump at a known place: Steps(breaks, values), or Profile(function, "
-            "breaks=[...])."
+            "would come out wrong; make it less steep, or a jump at a known place: PiecewiseConstant(breaks, "
+            "values), or Profile(function, breaks=[...])."
         )
     if found.jumps and rod.deciding:
         raise ValueError(
             f"section, young or density jumps at s={found.jumps[0]:.6g} m, which a traced number decides: its derivative by that "
-            "place would come out as zero; give the place as a known number (Steps(breaks, values), or "
+            "place would come out as zero; give the place as a known number (PiecewiseConstant(breaks, values), or "
             "Profile(function, breaks=[...])) and differentiate by the values."
         )
     if found.error > 1e-10:

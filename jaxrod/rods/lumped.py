@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import validation
+from ..core import precision, validation
 
 
 class Lumped(eqx.Module):
@@ -21,7 +21,7 @@ class Lumped(eqx.Module):
     >>> import jaxrod
     >>> m, c, l = 1.0, 33.0, 0.1
     >>> jaxrod.Lumped(inertia=m * l**2, first_moment=m * l, stiffness=c * l**2, length=l)
-    Lumped(inertia=0.01, first_moment=0.1, stiffness=0.33, length=0.1)
+    Lumped(inertia=0.01 kg m^2, first_moment=0.1 kg m, stiffness=0.33 N m, length=0.1 m, float64)
     """
 
     inertia: Float[Array, ""]
@@ -43,5 +43,6 @@ class Lumped(eqx.Module):
         return jnp.all(jnp.isfinite(numbers) & (numbers > 0)) & jnp.isfinite(self.first_moment)
 
     def __repr__(self):
-        names = ("inertia", "first_moment", "stiffness", "length")
-        return f"Lumped({', '.join(f'{name}={validation.brief(getattr(self, name))}' for name in names)})"
+        return validation.written(
+            self, precision.float_type(self), inertia="kg m^2", first_moment="kg m", stiffness="N m", length="m"
+        )

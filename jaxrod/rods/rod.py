@@ -30,8 +30,8 @@ class Rod(eqx.Module):
     **Arguments:**
 
     - `length`: unstretched length in m (the paper's l0).
-    - `section`: `Uniform`, `Cone`, `Table`, `Steps`, or any function s -> area in m^2.
-    - `young`: Young's modulus E in Pa; a number, or a function of s such as `Steps` or `Profile`.
+    - `section`: `Uniform`, `Cone`, `Table`, `PiecewiseConstant`, or any function s -> area in m^2.
+    - `young`: Young's modulus E in Pa; a number, or a function of s such as `PiecewiseConstant` or `Profile`.
     - `density`: rho in kg/m^3; likewise.
     - `tip_mass`: mass in kg of a body at the tip, or None; `tip_inertia`: its moment of inertia in kg m^2 about its own
       centre, or None for a point.
@@ -342,6 +342,18 @@ class Rod(eqx.Module):
     def center_of_mass(self) -> Float[Array, ""]:
         """Distance x_C of the centre of mass from the root in m, unstretched."""
         return self.first_moment() / self.mass
+
+    def __repr__(self):
+        units = {
+            "length": "m",
+            "section": "",
+            "young": "Pa",
+            "density": "kg/m^3",
+            "tip_mass": "kg",
+            "tip_inertia": "kg m^2",
+        }
+        units |= {} if self.linear else {"law": ""}
+        return validation.written(self, precision.float_type(self), **units)
 
     def valid(self) -> Array:
         """Whether the numbers make a rod: the same questions as at construction, for traced values."""

@@ -4,6 +4,7 @@ A profile is a function of the material coordinate s (m, from the root) with `br
 """
 
 import abc
+import warnings
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -56,7 +57,7 @@ class Uniform(AbstractSection):
 
     >>> import jaxrod
     >>> jaxrod.Uniform(radius=0.025)
-    Uniform(radius=0.025)
+    Uniform(radius=0.025 m)
     """
 
     radius: Float[Array, ""]
@@ -72,7 +73,7 @@ class Uniform(AbstractSection):
         return self.radius > 0
 
     def __repr__(self):
-        return f"Uniform(radius={validation.brief(self.radius)})"
+        return validation.written(self, radius="m")
 
 
 class Cone(AbstractSection):
@@ -83,7 +84,7 @@ class Cone(AbstractSection):
 
     >>> import jaxrod
     >>> jaxrod.Cone(root_radius=0.02, tip_radius=0.03)
-    Cone(root_radius=0.02, tip_radius=0.03)
+    Cone(root_radius=0.02 m, tip_radius=0.03 m)
     """
 
     root_radius: Float[Array, ""]
@@ -118,7 +119,7 @@ class Cone(AbstractSection):
         return (self.root_radius >= 0) & (self.tip_radius >= 0)
 
     def __repr__(self):
-        return f"Cone(root_radius={validation.brief(self.root_radius)}, tip_radius={validation.brief(self.tip_radius)})"
+        return validation.written(self, root_radius="m", tip_radius="m")
 
 
 class Table(AbstractSection):
@@ -179,15 +180,18 @@ class Table(AbstractSection):
     def covers(self, length):
         return (self.positions[0] <= _ROUND * length) & (self.positions[-1] >= length * (1 - _ROUND))
 
+    def __repr__(self):
+        return f"Table({validation.listed(self.positions)} m, areas={validation.listed(self.areas)} m^2)"
 
-class Steps(eqx.Module):
+
+class PiecewiseConstant(eqx.Module):
     """A quantity that is constant between `breaks`: an area, a modulus or a density of a stepped or composite rod.
 
     **Arguments:** `breaks`, increasing coordinates in m where it jumps; `values`, one more than breaks, from root to
     tip.  Differentiable in the values.
 
     >>> import jaxrod
-    >>> area, young = jaxrod.Steps([0.4], [2e-3, 1e-3]), jaxrod.Steps([0.7], [2e11, 7e10])
+    >>> area, young = jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3]), jaxrod.PiecewiseConstant([0.7], [2e11, 7e10])
     >>> rod = jaxrod.Rod(length=1.0, section=area, young=young, density=7800.0)
     >>> print(f"{rod.mass:.3f} kg", rod.breaks)
     10.920 kg (0.4, 0.7)
@@ -198,10 +202,21 @@ class Steps(eqx.Module):
 
     def __init__(self, breaks, values):
         self.breaks = _increasing(breaks)
-        self.values = validation.number("Steps(values=)", values, (len(self.breaks) + 1,))
+        self.values = validation.number("PiecewiseConstant(values=)", values, (len(self.breaks) + 1,))
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         return self.values[jnp.searchsorted(jnp.asarray(self.breaks, s.dtype), s)]
+
+    def __repr__(self):
+        return f"PiecewiseConstant({list(self.breaks)}, {validation.listed(self.values)})"
+
+
+class Steps(PiecewiseConstant):
+    """The name that `PiecewiseConstant` had; it goes with the next release."""
+
+    def __init__(self, breaks, values):
+        warnings.warn("jaxrod.Steps is called jaxrod.PiecewiseConstant now.", FutureWarning, stacklevel=4)
+        super().__init__(breaks, values)
 
 
 class Profile(AbstractSection):
@@ -229,7 +244,13 @@ class Profile(AbstractSection):
 
     @property
     def bare(self) -> bool:
-        return not (isinstance(self.function, Steps) and set(self.function.breaks) <= set(self.breaks))
+        return not (isinstance(self.function, PiecewiseConstant) and set(self.function.breaks) <= set(self.breaks))
+
+    def __repr__(self):
+        if isinstance(self.function, PiecewiseConstant):
+            return repr(self.function)
+        breaks = f", {list(self.breaks)}" if self.breaks else ""
+        return f"Profile({validation.given(self.function)}{breaks})"
 
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         return jnp.broadcast_to(calling.real(self.function(s)), jnp.shape(s))

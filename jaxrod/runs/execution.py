@@ -107,7 +107,7 @@ class Request:
         ts, t1, t0, dt0 = (units.plain(name, time, "s") for name, time in in_s.items())
         arguments.check_scene(system, start, chart)
         dtype = precision.float_type(system, start)
-        precision.warn_if_lowered(dtype, system, start)
+        precision.warn_if_lowered(dtype, system, start, stacklevel=4)
         system, start = precision.in_type(dtype, (system, start))
         if isinstance(system, System):
             check_start(system.motion, system.basis.n, start)
@@ -290,7 +290,7 @@ def _as_asked(request: Request, solution: Solution) -> Solution:
     if unseen is not None and not tracing.known(unseen):
         code = Result.where((code == Result.ok) & unseen, Result.unseen, code)
     elif unseen is not None and validation.fails(lambda unseen: ~unseen, unseen):
-        warnings.warn(Result.unseen.sentence, stacklevel=3)
+        warnings.warn(Result.unseen.sentence, stacklevel=4)
     if request.unknown is not None:
         lost = jnp.where(request.unknown, jnp.nan, 1.0)
         states = jax.tree.map(lambda x: x * lost.astype(x.dtype), solution.states)

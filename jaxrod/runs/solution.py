@@ -155,7 +155,7 @@ class Solution(eqx.Module):
             where += f"; damping is stiffer than any vibration: take solver=diffrax.Kvaerno5(){chart}"
         return f"{Result[self.result]} ({where}); catch SimulationError for what was computed, or pass throw=False."
 
-    def __str__(self):
+    def __repr__(self):
         if not tracing.known(self.ts) or self.ts.ndim > 1:
             return f"Solution of {self.ts.shape[0]} scenes by {self.method}"
         lines = [
