@@ -10,7 +10,7 @@ import argparse
 import dataclasses
 import functools
 import pathlib
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jaxrod
 
@@ -56,7 +56,8 @@ def cone_kappa(held, free):
 
 def cases():
     def case(name, section, kappa, motion=None, **numbers):
-        rod = jaxrod.Rod(**({"length": LENGTH, "young": YOUNG, "density": DENSITY} | numbers), section=section)
+        given: dict[str, Any] = {"length": LENGTH, "young": YOUNG, "density": DENSITY, **numbers}
+        rod = jaxrod.Rod(section=section, **given)
         return Case(name, jaxrod.System(rod, motion or jaxrod.Rotation()), kappa)
 
     odd = (np.arange(KEPT) + 0.5) * np.pi

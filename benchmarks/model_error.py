@@ -69,7 +69,8 @@ RATE, UNTIL = 15.0, 10.0
 
 
 def system(section, motion, basis=None, gravity=None, **numbers):
-    return jaxrod.System(jaxrod.Rod(section=section, **(NUMBERS | numbers)), motion, basis, gravity)
+    given: dict[str, Any] = {**NUMBERS, **numbers}
+    return jaxrod.System(jaxrod.Rod(section=section, **given), motion, basis, gravity)
 
 
 def release_table():

@@ -53,6 +53,7 @@ from .motions.force import PivotFriction as PivotFriction
 from .motions.force import ShakenBase as ShakenBase
 from .motions.force import TipForce as TipForce
 from .motions.force import Torque as Torque
+from .motions.motion import AbstractMotion as AbstractMotion
 from .motions.motion import Driven as Driven
 from .motions.motion import Flight as Flight
 from .motions.motion import Rotation as Rotation

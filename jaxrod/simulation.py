@@ -179,5 +179,5 @@ def _doubt_strain(solution: Solution) -> None:
     if not hooke or not tracing.known(states.amplitudes) or validation.fails(lambda ok: ok, solution.ok):
         return
     largest = np.max(np.abs(np.asarray(states.amplitudes)[..., :1]), initial=0.0)
-    if doubt := plausibility.strain(largest, validation.brief(rod.young)):
+    if doubt := plausibility.strain(float(largest), validation.brief(rod.young)):
         warnings.warn(doubt, stacklevel=3)

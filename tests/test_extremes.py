@@ -18,6 +18,7 @@ from hypothesis import strategies as st
 
 import jaxrod
 from jaxrod import Result
+from jaxrod.runs.step_policy import StepPolicy
 from jaxrod.mechanics.splittings.normal_modes import AxialModes
 
 GRAVITY = 9.81
@@ -520,6 +521,10 @@ def _default(kind, numbers, save=20):
     return float(jnp.max(jnp.linalg.norm(off, axis=-1))), sol.result
 
 
+def _by_policy(monkeypatch, **numbers):
+    monkeypatch.setattr("jaxrod.runs.execution.StepPolicy", lambda: StepPolicy(**numbers))
+
+
 @pytest.mark.slow
 def test_steps_in_resonance(monkeypatch):
     """A driven taper of three shapes, with steps of nearly three periods of its second mode: kicks add up to nine promises.
@@ -531,11 +536,11 @@ def test_steps_in_resonance(monkeypatch):
         "periods": 5.32894,
     }  # fmt: skip
     kind = random_extremes.Kind("Driven", 3)
-    monkeypatch.setattr("jaxrod.runs.fixed_steps._FINEST", 0.25)  # other counts are far from it
+    _by_policy(monkeypatch, finest=0.25)  # other counts are far from it
     off, result = _default(kind, numbers)
     assert off < 1e-8 and result == Result.ok
-    monkeypatch.setattr("jaxrod.runs.fixed_steps._CLEAR", 0.0)
-    off, result = _default(kind, numbers, 19)  # another program
+    _by_policy(monkeypatch, finest=0.25, clear=0.0)
+    off, result = _default(kind, numbers)
     assert off > 5e-8 and result == Result.coarse
 
 
@@ -550,8 +555,8 @@ def test_lingering_upside_down(monkeypatch):
     }  # fmt: skip
     kind = random_extremes.Kind("Rotation inside", 3)
     assert _default(kind, numbers)[1] == Result.coarse
-    monkeypatch.setattr("jaxrod.runs.fixed_steps._LINGERING", 0.0)
-    off, result = _default(kind, numbers, 19)
+    _by_policy(monkeypatch, lingering=0.0)
+    off, result = _default(kind, numbers)
     assert off > 1e-8 and result == Result.ok
 
 

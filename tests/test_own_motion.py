@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.motions.motion import AbstractMotion
 
 RATES = jnp.array([2.0, 3.0, 4.0])
 
 
-class Inclined(AbstractMotion):
+class Inclined(jaxrod.AbstractMotion):
     """Turning about an axis through the root that leans by `slope` rad: gravity pulls with cos(slope) of itself."""
 
     slope: Any

@@ -9,6 +9,7 @@ from jaxtyping import Array, Float, Int8
 from ..core import precision, validation
 from ..core.linear_algebra import singular_values
 from ..core.result import Result
+from ..core.units import Number
 from ..mechanics import equilibria
 from ..mechanics.chart import Local
 from ..mechanics.system import System
@@ -45,7 +46,9 @@ class Horizon(eqx.Module):
         return f"{told}; distances grow by {float(self.growth_rate):.3g} /s ({times}; regular motion: in proportion to time)"
 
 
-def horizon(system: System, start: State, *, t1, tolerance, distance=1e-12, t0=0.0) -> Horizon:
+def horizon(
+    system: System, start: State, *, t1: Number, tolerance: Number, distance: Number = 1e-12, t0: Number = 0.0
+) -> Horizon:
     """The time beyond which two starts `distance` apart differ by `tolerance`.
 
     No solver reaches further: rounding alone sets two starts apart.  The distance is followed by its linear equations (the

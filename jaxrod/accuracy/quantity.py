@@ -49,11 +49,11 @@ class FirstFrequency(AbstractQuantity):
     name: ClassVar[str] = "first frequency"
     unit: ClassVar[str] = "Hz"
 
-    def __call__(self, solution):
+    def __call__(self, solution: Any):
         frequencies = natural_frequencies(solution.system)
         return frequencies[0] if frequencies.size else jnp.asarray(jnp.inf, frequencies.dtype)
 
-    def exact(self, system):
+    def exact(self, system: System):
         return continuum.natural_frequencies(system, 1)[0] if isinstance(system.rod, Rod) else None
 
 
@@ -81,7 +81,7 @@ class LargestStrain(AbstractQuantity):
         if self.at is not None:
             validation.number("at", self.at, unit="m")
 
-    def __call__(self, solution):
+    def __call__(self, solution: Any):
         if self.at is None:
             return jnp.max(jnp.abs(solution.strain), axis=-1)
         length = solution.system.rod.length
@@ -92,7 +92,7 @@ class LargestStrain(AbstractQuantity):
             )
         return jnp.max(jnp.abs(solution.strain_field(at[None])), axis=(-2, -1))
 
-    def times(self, t0, t1):
+    def times(self, t0: float, t1: float):
         return jnp.linspace(t0, t1, 201)[1:]
 
 
@@ -105,10 +105,10 @@ class FinalAngle(AbstractQuantity):
     name: ClassVar[str] = "angle"
     unit: ClassVar[str] = "rad"
 
-    def __call__(self, solution):
+    def __call__(self, solution: Any):
         return solution.angle[..., -1]
 
-    def span(self, system):
+    def span(self, system: System):
         return jnp.asarray(4.0)
 
 
@@ -118,10 +118,10 @@ class FinalTip(AbstractQuantity):
     name: ClassVar[str] = "tip"
     unit: ClassVar[str] = "m"
 
-    def __call__(self, solution):
+    def __call__(self, solution: Any):
         return solution.tip[..., -1, :]
 
-    def span(self, system):
+    def span(self, system: System):
         return 2 * system.rod.length
 
 
@@ -156,7 +156,7 @@ class CustomQuantity(AbstractQuantity):
             )
         self.function, self.unit, self.largest, self.name = function, unit, largest, name
 
-    def __call__(self, solution):
+    def __call__(self, solution: Any):
         value = calling.answer(self.name, "of a solution -> one array", self.function, solution)
         if np.ndim(self.largest) and np.shape(self.largest) != value.shape:
             raise ValueError(
@@ -165,7 +165,7 @@ class CustomQuantity(AbstractQuantity):
             )
         return value
 
-    def span(self, system):
+    def span(self, system: System):
         return jnp.asarray(self.largest)
 
 

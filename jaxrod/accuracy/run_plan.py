@@ -62,7 +62,7 @@ class Plan(eqx.Module):
             raise ValueError(f"plan={self}; plan with a larger tolerance.")
         return in_type(self.dtype, brought(system, start, self.basis, self.static, t0))
 
-    def steps(self, system: System, start: State, t0, t1) -> dict[str, Any]:
+    def steps(self, system: System, start: State, t0: Any, t1: Any) -> dict[str, Any]:
         """The keywords of `simulate` for solver and steps of a run from t0 to t1, of a scene on this plan's rung."""
         if self.step is None:
             return {"tolerance": self.tolerance}

@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..core import precision, validation
 from ..core.linear_algebra import inverse_root, singular_values
+from ..core.units import Number
 from ..motions.stiffening import warn_of_forces
 from ..rods.rod import Rod
 from .compliance import Axial, axial, linear_support, order_for, support
@@ -52,7 +53,7 @@ def critical_rate(system: Any) -> Float[Array, ""]:
     return _natural(rod, pivot, free, 1, order_for(rod, pivot, 1))[0]
 
 
-def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: bool = False) -> Float[Array, " n"]:
+def spinning_frequencies(system: Any, rate: Number, n: int, *, free: bool = False) -> Float[Array, " n"]:
     """The first n axial frequencies in Hz of small vibrations about a steady spin of `rate` (rad/s), without gravity.
 
     Forces are left out, and warned of as by `natural_frequencies`.
@@ -84,7 +85,7 @@ def spinning_frequencies(system: Any, rate: Float[Array, ""], n: int, *, free: b
     return jnp.where(stable, jnp.sqrt(jnp.where(stable, square, 1.0)), jnp.nan) / (2 * jnp.pi)
 
 
-def steady_spin(system: Any, rate: Float[Array, ""]) -> Float[Array, ""]:
+def steady_spin(system: Any, rate: Number) -> Float[Array, ""]:
     """Displacement of the tip in m at a steady spin `rate` (rad/s) about the pivot, without gravity and forces.
 
     In flight: about the centre of mass and away from it.  Grows without bound as the rate nears the critical one; NaN

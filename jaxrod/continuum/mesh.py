@@ -20,7 +20,7 @@ class Mesh(NamedTuple):
 
     s: Float[Array, " N"]
     ds: Float[Array, " N"]
-    within: Float[Array, "N+1 N"]
+    within: Float[Array, "N_tip N"]
     s_mass: Float[Array, " M"]
     mass: Float[Array, " M"]
 
@@ -45,7 +45,7 @@ class Mesh(NamedTuple):
         s_tip = rod.length.astype(dtype)
         return Mesh(s, ds, within, jnp.append(s, s_tip), jnp.append(mass, tip.astype(dtype)))
 
-    def reach(self, start: Float[Array, ""] | None) -> Float[Array, "N+1 N"]:
+    def reach(self, start: Float[Array, ""] | None) -> Float[Array, "N_tip N"]:
         """1 where a strain at s_j moves the point s_i (-1 on the root's side), both on one side of `start`.
 
         The integral from `start` to s_i is reach @ (ds * values); the last row is the tip.  `start` must be the end of
@@ -65,7 +65,7 @@ def safe_sqrt(x: Float[Array, "*any"]) -> Float[Array, "*any"]:
     return jnp.where(empty, 0.0, jnp.sqrt(jnp.where(empty, 1.0, x)))
 
 
-def panel_ends(rod: Rod, at: list[Float[Array, ""]]) -> Float[Array, " panels+1"]:
+def panel_ends(rod: Rod, at: list[Float[Array, ""]]) -> Float[Array, " ends"]:
     """Ends of the panels in m, ascending."""
     return rod.panels(at=at).ends
 

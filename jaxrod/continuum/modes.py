@@ -77,7 +77,7 @@ class Waves(eqx.Module):
         rigidity = self.rigidity[nodes]
         return tension * self.panels.ds[nodes] / jnp.where(rigidity > 0, rigidity, 1.0)
 
-    def tension_at(self, s: Float[Array, " points"]) -> Float[Array, "points n+3"]:
+    def tension_at(self, s: Float[Array, " points"]) -> Float[Array, "points columns"]:
         """Tension in N per amplitude, and per load, at the material coordinates s (m): its polynomial on each panel."""
         tension = jnp.concatenate([self.tension, self.slack_tension], axis=1)
         ends, order = self.panels.ends, self.panels.order

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 
 from ..core import calling, precision, tracing, units, validation
 from ..core.result import Result
+from ..core.units import Number, Row
 from ..integrators.reversal import forward_refused, reversible
 from ..motions.force import TipForce
 from ..motions.preview import Preview
@@ -46,7 +47,7 @@ _WATCHED, _WATCHES = 32, 1000  # sections, and times between those that are save
 
 
 def simulate(
-    system: Any, start: State, *, ts: Float[Array, " T"], t0: Any = 0.0, static: bool = False, modes: int = 64,
+    system: Any, start: State, *, ts: Row, t0: Number = 0.0, static: bool = False, modes: int = 64,
     tolerance: Any = 1e-12, error: bool = True, adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> ContinuumSolution:  # fmt: skip
     """Motion of the exact rod from `start` at time `t0`: director and longitudinal waves u(s, t), fully coupled.
@@ -114,7 +115,8 @@ def simulate(
     forwards = isinstance(adjoint, diffrax.ForwardMode)
     if not forwards:
         system, start, t0, ts = reversible((system, start, t0, ts), 1, _ONCE)
-    knots, unknown = known_knots(system, None, t0, ts[-1])
+    saved: Any = ts
+    knots, unknown = known_knots(system, None, t0, saved[-1])
     with forward_refused(_FORWARD):
         solution, beyond, unseen = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards, knots)
     if validation.fails(lambda unseen: ~unseen, unseen):

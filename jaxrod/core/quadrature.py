@@ -18,7 +18,7 @@ class Panels(eqx.Module):
     Exact for polynomials of degree 2 order - 1 on each panel; a panel may have no length.
     """
 
-    ends: Float[Array, " panels+1"]
+    ends: Float[Array, " ends"]
     order: int = eqx.field(static=True)
 
     @property
@@ -87,7 +87,7 @@ def local(s: Any, start: Any, end: Any) -> Any:
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
-def legendre(degree: int, x: Float[Array, "*points"]) -> Float[Array, "degree+1 *points"]:
+def legendre(degree: int, x: Float[Array, "*points"]) -> Float[Array, "degrees *points"]:
     """The Legendre polynomials P_0 .. P_degree at x, by Bonnet's recurrence."""
     p = [jnp.ones_like(x), x]
     for k in range(1, degree):

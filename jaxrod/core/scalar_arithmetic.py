@@ -106,8 +106,8 @@ def _parts(x: Any) -> tuple[float, Any]:
 
 
 def _binary(x: float) -> bool:
-    return x != 0 and math.isfinite(x) and abs(math.frexp(x)[0]) == 0.5
+    return bool(x != 0 and math.isfinite(x) and abs(math.frexp(x)[0]) == 0.5)
 
 
 def _is(x: Any, value: float) -> bool:
-    return isinstance(x, float | np.floating) and x == value
+    return bool(isinstance(x, float | np.floating) and x == value)

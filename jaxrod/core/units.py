@@ -5,10 +5,30 @@ is what has the `to`, `magnitude` and `units` of Pint's, of any registry; Pint i
 """
 
 import re
-from typing import Any
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
+
+
+@runtime_checkable
+class Quantity(Protocol):
+    """A number, or several, with a unit, such as Pint's."""
+
+    @property
+    def magnitude(self) -> Any: ...
+
+    @property
+    def units(self) -> Any: ...
+
+    def to(self, *unit: Any) -> Any: ...
+
+
+# What users give: one number, and some in a row.
+Number = ArrayLike | Quantity
+Row = ArrayLike | Quantity | Sequence[ArrayLike | Quantity]
 
 _SI = {"[length]": "m", "[mass]": "kg", "[time]": "s", "[temperature]": "K", "[current]": "A", "[substance]": "mol"}
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*((?:[^\W\d]|[²³·%°*/^()\s]|(?<=[*^-])\d|-)*)")

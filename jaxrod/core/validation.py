@@ -117,7 +117,7 @@ def optional_switch(name: str, value: Any) -> None:
         switch(name, value)
 
 
-def count(name: str, value: Any, least: int, what: str, most: float = np.inf) -> int:
+def count(name: str, value: Any, least: int, what: str, most: int | float = np.inf) -> int:
     """`value` as a whole number that is known, `least` or more, `most` or less."""
     if isinstance(value, bool | np.bool_) or not isinstance(value, int | np.integer) or not least <= value <= most:
         end = "or more" if most == np.inf else f"to {most}"

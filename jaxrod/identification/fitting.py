@@ -10,9 +10,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, ArrayLike, Float, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from ..core import calling, tracing, units, validation
+from ..core.units import Number, Row
 from . import least_squares
 from .least_squares import BLIND, Parameters, Residuals
 
@@ -27,7 +28,7 @@ class Positive(eqx.Module):
 
     value: Float[Array, ""]
 
-    def __init__(self, value):
+    def __init__(self, value: Number):
         self.value = validation.positive("Positive(value=)", value, None, "the parameter's own unit")
 
 
@@ -70,8 +71,8 @@ class Fit(eqx.Module):
 
 def fit(
     model: Callable[[PyTree], Array],
-    data: ArrayLike,
-    sigma: ArrayLike,
+    data: Row,
+    sigma: Row,
     start: PyTree,
     *,
     solver: Any = None,

@@ -43,14 +43,14 @@ class Unrolled(diffrax.AbstractSolver):
     def interpolation_cls(self) -> Any:
         return self.method.interpolation_cls
 
-    def order(self, terms):
+    def order(self, terms: Any):
         return self.method.order(terms)
 
-    def init(self, terms, t0, t1, y0, args):
+    def init(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any):
         return self.method.init(terms, t0, t1, y0, args)
 
-    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+    def step(self, terms: Any, t0: Any, t1: Any, y0: Any, args: Any, solver_state: Any, made_jump: Any):
         return self.method.step(terms, t0, t1, y0, args, solver_state, made_jump)
 
-    def func(self, terms, t0, y0, args):
+    def func(self, terms: Any, t0: Any, y0: Any, args: Any):
         return self.method.func(terms, t0, y0, args)

@@ -5,7 +5,7 @@ motion is driven the director depends on time t alone.
 """
 
 import abc
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax
@@ -29,7 +29,7 @@ class AbstractChart(eqx.Module):
     counts_turns: ClassVar[bool]
 
     @abc.abstractmethod
-    def place(self, motion: AbstractMotion, t, q: Float[Array, " N"]) -> Placement:
+    def place(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"]) -> Placement:
         """The placement of the rod at q."""
 
     @abc.abstractmethod
@@ -37,22 +37,28 @@ class AbstractChart(eqx.Module):
         """q and v of one state."""
 
     @abc.abstractmethod
-    def kinetic(self, motion: AbstractMotion, body: Projection, t, q, v) -> Float[Array, ""]:
+    def kinetic(
+        self, motion: AbstractMotion, body: Projection, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]
+    ) -> Float[Array, ""]:
         """Kinetic energy in J of turning and stretching."""
 
     @abc.abstractmethod
-    def solve(self, motion: AbstractMotion, body: Projection, q, right) -> Float[Array, " N"]:
+    def solve(
+        self, motion: AbstractMotion, body: Projection, q: Float[Array, " N"], right: Float[Array, " N"]
+    ) -> Float[Array, " N"]:
         """M^-1 right for the mass matrix M of the kinetic energy, in closed form."""
 
     @abc.abstractmethod
-    def turns(self, motion: AbstractMotion, t, q, counted) -> Float[Array, ""]:
+    def turns(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], counted: Any) -> Float[Array, ""]:
         """Full turns made, given those that the solver counted."""
 
     @abc.abstractmethod
     def size(self, motion: AbstractMotion) -> int:
         """How many coordinates the director has."""
 
-    def decode(self, motion: AbstractMotion, t, q, v, counted=0.0) -> State:
+    def decode(
+        self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], v: Float[Array, " N"], counted: Any = 0.0
+    ) -> State:
         """The state at t, q, v."""
         t = jnp.asarray(t, q.dtype)
         place, rate = jax.jvp(lambda t, q: self.place(motion, t, q), (t, q), (jnp.ones_like(t), v))
@@ -67,10 +73,10 @@ class Angles(AbstractChart):
 
     counts_turns: ClassVar[bool] = True
 
-    def size(self, motion):
+    def size(self, motion: AbstractMotion):
         return motion.dimension - 1
 
-    def place(self, motion, t, q):
+    def place(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"]):
         angles, amplitudes, center = _parts(motion, q, self.size(motion))
         flat = jnp.cos(angles[0])
         if motion.dimension == 2:
@@ -78,7 +84,7 @@ class Angles(AbstractChart):
         direction = jnp.stack([flat * jnp.cos(angles[1]), flat * jnp.sin(angles[1]), jnp.sin(angles[0])])
         return Placement(direction, amplitudes, center)
 
-    def encode(self, motion, state):
+    def encode(self, motion: AbstractMotion, state: State):
         if motion.dimension == 2:
             angles, rates = state.angle[None], state.rate[None]
         else:
@@ -86,14 +92,14 @@ class Angles(AbstractChart):
             rates = jnp.stack([state.rate, state.azimuth_rate])
         return _join(state, angles, rates, state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion, body, t, q, v):
+    def kinetic(self, motion: AbstractMotion, body: Projection, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]):
         angles, a, _ = _parts(motion, q, self.size(motion))
         rates, da, _ = _parts(motion, v, self.size(motion))
         if motion.dimension == 2:
             return energy.kinetic_rotation(body, a, da, rates[0])
         return energy.kinetic_spherical(body, a, da, angles[0], rates[0], rates[1])
 
-    def solve(self, motion, body, q, right):
+    def solve(self, motion: AbstractMotion, body: Projection, q: Float[Array, " N"], right: Float[Array, " N"]):
         angles, a, _ = _parts(motion, q, self.size(motion))
         turning, stretching, moving = _parts(motion, right, self.size(motion))
         inertia = body.inertia(a)[None]
@@ -101,7 +107,7 @@ class Angles(AbstractChart):
             inertia = jnp.concatenate([inertia, inertia * jnp.cos(angles[:1]) ** 2])
         return _whole(body, turning / inertia, body.solve_strain(stretching), moving)
 
-    def turns(self, motion, t, q, counted):
+    def turns(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], counted: Any):
         del counted
         # Past the pole (cos psi < 0) the rod points to the azimuth phi + pi.
         angle = q[0] if motion.dimension == 2 else q[1] + jnp.pi * (jnp.cos(q[0]) < 0)
@@ -116,15 +122,15 @@ class Embedded(AbstractChart):
 
     counts_turns: ClassVar[bool] = False
 
-    def size(self, motion):
+    def size(self, motion: AbstractMotion):
         return motion.dimension
 
-    def place(self, motion, t, q):
+    def place(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"]):
         q, _, center = _parts(motion, q, self.size(motion))
         stretch = jnp.sqrt(q @ q)
         return Placement(q / stretch, stretch[None] - 1, center)
 
-    def encode(self, motion, state):
+    def encode(self, motion: AbstractMotion, state: State):
         if state.amplitudes.shape != (1,):
             raise ValueError(
                 f"chart=Embedded() needs one uniform strain but the basis has {state.amplitudes.shape[0]}; take "
@@ -135,14 +141,14 @@ class Embedded(AbstractChart):
         velocity = stretching * state.direction + stretch * state.direction_rate
         return _join(state, stretch * state.direction, velocity, none, none)
 
-    def kinetic(self, motion, body, t, q, v):
+    def kinetic(self, motion: AbstractMotion, body: Projection, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]):
         return energy.kinetic_embedded(body, _parts(motion, v, self.size(motion))[0])
 
-    def solve(self, motion, body, q, right):
+    def solve(self, motion: AbstractMotion, body: Projection, q: Float[Array, " N"], right: Float[Array, " N"]):
         flat, none, moving = _parts(motion, right, self.size(motion))
         return _whole(body, flat / body.mass_matrix[0, 0], none, moving)
 
-    def turns(self, motion, t, q, counted):
+    def turns(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], counted: Any):
         return counted
 
 
@@ -155,17 +161,17 @@ class Director(AbstractChart):
 
     counts_turns: ClassVar[bool] = False
 
-    def size(self, motion):
+    def size(self, motion: AbstractMotion):
         return motion.dimension
 
-    def place(self, motion, t, q):
+    def place(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"]):
         y, amplitudes, center = _parts(motion, q, self.size(motion))
         return Placement(y / jnp.sqrt(y @ y), amplitudes, center)
 
-    def encode(self, motion, state):
+    def encode(self, motion: AbstractMotion, state: State):
         return _join(state, state.direction, state.direction_rate, state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion, body, t, q, v):
+    def kinetic(self, motion: AbstractMotion, body: Projection, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]):
         y, a, _ = _parts(motion, q, self.size(motion))
         dy, da, _ = _parts(motion, v, self.size(motion))
         square = y @ y
@@ -173,7 +179,7 @@ class Director(AbstractChart):
         dd = (dy - growth * y) / jnp.sqrt(square)
         return energy.kinetic_director(body, a, da, dd) + body.mass_matrix[0, 0] * growth**2 / 2
 
-    def solve(self, motion, body, q, right):
+    def solve(self, motion: AbstractMotion, body: Projection, q: Float[Array, " N"], right: Float[Array, " N"]):
         y, a, _ = _parts(motion, q, self.size(motion))
         turning, stretching, moving = _parts(motion, right, self.size(motion))
         square = y @ y
@@ -181,7 +187,7 @@ class Director(AbstractChart):
         turning = square * ((turning - along) / body.inertia(a) + along / body.mass_matrix[0, 0])
         return _whole(body, turning, body.solve_strain(stretching), moving)
 
-    def turns(self, motion, t, q, counted):
+    def turns(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], counted: Any):
         return counted
 
 
@@ -190,24 +196,24 @@ class Strains(AbstractChart):
 
     counts_turns: ClassVar[bool] = True
 
-    def size(self, motion):
+    def size(self, motion: AbstractMotion):
         return 0
 
-    def place(self, motion, t, q):
+    def place(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"]):
         angle, _, _ = motion.turning(t)
         return Placement(jnp.stack([jnp.cos(angle), jnp.sin(angle)]), q, None)
 
-    def encode(self, motion, state):
+    def encode(self, motion: AbstractMotion, state: State):
         return Phase(state.amplitudes, state.amplitude_rates)
 
-    def kinetic(self, motion, body, t, q, v):
+    def kinetic(self, motion: AbstractMotion, body: Projection, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]):
         _, rate, _ = motion.turning(t)
         return energy.kinetic_rotation(body, q, v, rate)
 
-    def solve(self, motion, body, q, right):
+    def solve(self, motion: AbstractMotion, body: Projection, q: Float[Array, " N"], right: Float[Array, " N"]):
         return body.solve_strain(right)
 
-    def turns(self, motion, t, q, counted):
+    def turns(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], counted: Any):
         del counted
         return jnp.round((motion.turning(t)[0] - heading(self.place(motion, t, q).direction)) / (2 * jnp.pi))
 
@@ -224,10 +230,10 @@ class Local(AbstractChart):
 
     counts_turns: ClassVar[bool] = False
 
-    def size(self, motion):
+    def size(self, motion: AbstractMotion):
         return motion.dimension - 1
 
-    def place(self, motion, t, q):
+    def place(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"]):
         slopes, amplitudes = q[: self.size(motion)], q[self.size(motion) :]
         d = (self.base + self.tangents() @ slopes) / jnp.sqrt(1 + slopes @ slopes)
         cos, sin = jnp.cos(self.spin * t), jnp.sin(self.spin * t)
@@ -245,24 +251,24 @@ class Local(AbstractChart):
         sideways = jnp.concatenate([jnp.where(polar, jnp.array([1.0, 0.0], d.dtype), flat), jnp.zeros(1, d.dtype)])
         return jnp.stack([sideways, jnp.cross(d, sideways)], axis=1)
 
-    def encode(self, motion, state):
+    def encode(self, motion: AbstractMotion, state: State):
         del motion
         zero = jnp.zeros_like(self.base[1:])
         return Phase(jnp.concatenate([zero, state.amplitudes]), jnp.concatenate([zero, state.amplitude_rates]))
 
-    def kinetic(self, motion, body, t, q, v):
+    def kinetic(self, motion: AbstractMotion, body: Projection, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]):
         t = jnp.asarray(t, q.dtype)
         place, rate = jax.jvp(lambda t, q: self.place(motion, t, q), (t, q), (jnp.ones_like(t), v))
         return energy.kinetic_director(body, place.amplitudes, rate.amplitudes, rate.direction)
 
-    def solve(self, motion, body, q, right):
+    def solve(self, motion: AbstractMotion, body: Projection, q: Float[Array, " N"], right: Float[Array, " N"]):
         slopes, a = q[: self.size(motion)], q[self.size(motion) :]
         stretch = 1 + slopes @ slopes  # |d'|^2 = (|xi'|^2 - (xi . xi')^2 / stretch) / stretch
         turning, stretching = right[: self.size(motion)], right[self.size(motion) :]
         turning = stretch * (turning + slopes * (slopes @ turning)) / body.inertia(a)
         return jnp.concatenate([turning, body.solve_strain(stretching)])
 
-    def turns(self, motion, t, q, counted):
+    def turns(self, motion: AbstractMotion, t: Any, q: Float[Array, " N"], counted: Any):
         return counted
 
 

@@ -2,7 +2,6 @@
 
 import warnings
 from collections.abc import Callable
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -45,17 +44,9 @@ def check_parts(rod, motion, basis, forces, body: Callable[[], Projection]) -> N
 
 def _try_forces(motion, basis, forces, body) -> None:
     """Each is tried at t = 0 in a state that moves in every way."""
-    along, across = np.eye(2, motion.dimension)
-    strain = np.full(basis.n, 0.01)
-    moving: Any = (
-        along,
-        across,
-        strain,
-        strain,
-        np.zeros(()),
-        *((along, across) if motion.flies else ()),
-    )
-    t, state = np.zeros(()), State(*moving)
+    with jax.ensure_compile_time_eval():
+        (along, across), strain, t = jnp.eye(2, motion.dimension), jnp.full(basis.n, 0.01), jnp.zeros(())
+    state = State(along, across, strain, strain, t, *((along, across) if motion.flies else ()))
     for force in forces:
         force.try_out(t, state, lambda force=force: _try_power(force, t, state, body))
         if isinstance(force, KelvinVoigt) and (basis.n == 0 or isinstance(basis, QuasiStatic)):

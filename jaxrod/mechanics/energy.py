@@ -12,44 +12,55 @@ from jaxtyping import Array, Float
 from ..shapes.projection import Projection
 
 
-def kinetic_rotation(body: Projection, a, da, dpsi) -> Float[Array, ""]:
+def kinetic_rotation(
+    body: Projection, a: Float[Array, " n"], da: Float[Array, " n"], dpsi: Float[Array, ""]
+) -> Float[Array, ""]:
     """(4): K = 1/2 I (1 + eps)^2 psi'^2 + 1/2 I eps'^2."""
     return body.inertia(a) * dpsi**2 / 2 + _form(body.strain_mass, da) / 2
 
 
-def kinetic_spherical(body: Projection, a, da, psi, dpsi, dphi) -> Float[Array, ""]:
+def kinetic_spherical(
+    body: Projection,
+    a: Float[Array, " n"],
+    da: Float[Array, " n"],
+    psi: Float[Array, ""],
+    dpsi: Float[Array, ""],
+    dphi: Float[Array, ""],
+) -> Float[Array, ""]:
     """(8): K = 1/2 I eps'^2 + 1/2 I (1 + eps)^2 psi'^2 + 1/2 I (1 + eps)^2 phi'^2 cos^2 psi."""
     return body.inertia(a) * (dpsi**2 + dphi**2 * jnp.cos(psi) ** 2) / 2 + _form(body.strain_mass, da) / 2
 
 
-def kinetic_director(body: Projection, a, da, dd) -> Float[Array, ""]:
+def kinetic_director(
+    body: Projection, a: Float[Array, " n"], da: Float[Array, " n"], dd: Float[Array, " D"]
+) -> Float[Array, ""]:
     """(4) and (8) without angles: K = 1/2 z^T M z |d'|^2 + 1/2 a'^T M_aa a', for the director's rate d' (D,)."""
     return body.inertia(a) * (dd @ dd) / 2 + _form(body.strain_mass, da) / 2
 
 
-def kinetic_embedded(body: Projection, dq) -> Float[Array, ""]:
+def kinetic_embedded(body: Projection, dq: Float[Array, " D"]) -> Float[Array, ""]:
     """(4) and (8) in q = (1 + eps) d, where they are flat: K = 1/2 I |q'|^2."""
     return body.mass_matrix[0, 0] * (dq @ dq) / 2
 
 
-def kinetic_momentum(body, a, square) -> Float[Array, ""]:
+def kinetic_momentum(body: Any, a: Float[Array, " n"], square: Float[Array, ""]) -> Float[Array, ""]:
     """Of turning, by the square of the angular momentum: K = l^2 / (2 z^T M z)."""
     return square / (2 * body.inertia(a))
 
 
-def kinetic_center(body: Projection, dcenter) -> Float[Array, ""]:
+def kinetic_center(body: Projection, dcenter: Float[Array, " D"]) -> Float[Array, ""]:
     """The first term of (6): 1/2 m v_C^2."""
     return body.mass * (dcenter @ dcenter) / 2
 
 
-def elastic(body: Projection, a) -> Float[Array, ""]:
+def elastic(body: Projection, a: Float[Array, " n"]) -> Float[Array, ""]:
     """The strain energy behind (15): 1/2 c l0^2 eps^2, in general 1/2 a^T K a; by another law int E A W(strain) ds."""
     if body.law is None:
         return _form(body.stiffness_matrix, a) / 2
     return body.rigidity @ body.law(body.field(a))
 
 
-def elastic_embedded(body: Projection, q) -> Float[Array, ""]:
+def elastic_embedded(body: Projection, q: Float[Array, " D"]) -> Float[Array, ""]:
     """The strain energy in q = (1 + eps) d: 1/2 c l0^2 (|q| - 1)^2, but for a constant.
 
     Multiplied out, 1/2 c l0^2 (|q|^2 - 2 |q|): its gradient, c l0^2 (1 - 1/|q|) q, is the shortest of all forces.
@@ -60,17 +71,17 @@ def elastic_embedded(body: Projection, q) -> Float[Array, ""]:
     return body.rigidity @ body.law((jnp.sqrt(square) - 1)[None])
 
 
-def gravity_embedded(body: Projection, g, q) -> Float[Array, ""]:
+def gravity_embedded(body: Projection, g: Float[Array, " D"], q: Float[Array, " D"]) -> Float[Array, ""]:
     """(15), corrected, in q = (1 + eps) d: V = m g x_C q_y."""
     return body.first_moments[0] * _potential(g, q)
 
 
-def gravity_pivoted(body, g, a, d) -> Float[Array, ""]:
+def gravity_pivoted(body: Any, g: Float[Array, " D"], a: Float[Array, " n"], d: Float[Array, " D"]) -> Float[Array, ""]:
     """(15), corrected: V = m g x_C (1 + eps) sin psi, zero at the pivot.  (The paper writes l0/2 for x_C.)"""
     return body.moment(a) * _potential(g, d)
 
 
-def gravity_center(body: Projection, g, center) -> Float[Array, ""]:
+def gravity_center(body: Projection, g: Float[Array, " D"], center: Float[Array, " D"]) -> Float[Array, ""]:
     """Weight of a rod in flight: V = m g y_C, zero at the origin."""
     return body.mass * _potential(g, center)
 
@@ -82,4 +93,4 @@ def _potential(g, x) -> Float[Array, ""]:
 
 def _form(matrix, x) -> Any:
     """x^T matrix x; of a rigid rod, which has no x, nothing is computed."""
-    return x @ matrix @ x if x.size else 0.0
+    return x @ matrix @ x if x.size else jnp.zeros((), x.dtype)

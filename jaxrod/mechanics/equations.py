@@ -54,6 +54,7 @@ class DiscreteSystem(eqx.Module):
 
     def weight(self, place: Placement) -> Float[Array, ""]:
         """Energy of weight in J: zero at the pivot, in flight at the origin."""
+        assert self.gravity is not None
         if place.center is None:
             return energy.gravity_pivoted(self.body, self.gravity, place.amplitudes, place.direction)
         return energy.gravity_center(self.body, self.gravity, place.center)
@@ -69,7 +70,7 @@ class DiscreteSystem(eqx.Module):
         """Kinetic energy of the centre of mass in flight, in J."""
         return energy.kinetic_center(self.body, center_velocity)
 
-    def power(self, t, state: State, virtual: Placement) -> Float[Array, ""]:
+    def power(self, t: Any, state: State, virtual: Placement) -> Float[Array, ""]:
         """Power in W of the forces in a virtual velocity."""
         powers = [force.power(t, state, virtual, self.body) for force in self.forces]
         return sum(powers, jnp.zeros_like(state.turns))
@@ -166,7 +167,7 @@ class Moving(AbstractEquations):
         """L = T - V with the generalized forces, and the mass matrix inverted as the chart knows."""
         return Lagrangian(self.function, self.force if self.scene.forces else None, self.solve)
 
-    def function(self, t, q, v) -> Float[Array, ""]:
+    def function(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, ""]:
         """L in J."""
         scene = self.scene
         kinetic = self.chart.kinetic(scene.motion, scene.body, t, q, v)
@@ -175,7 +176,7 @@ class Moving(AbstractEquations):
             kinetic = kinetic + energy.kinetic_center(scene.body, v[-scene.motion.dimension :])
         return kinetic - scene.potential(place)
 
-    def force(self, t, q, v) -> Float[Array, " N"]:
+    def force(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """Q = dP/dv of the virtual power P of all forces."""
         state = self.decode(t, q, v)
 
@@ -185,21 +186,21 @@ class Moving(AbstractEquations):
 
         return jax.grad(power)(jnp.zeros_like(v))
 
-    def solve(self, t, q, right) -> Float[Array, " N"]:
+    def solve(self, t: Any, q: Float[Array, " N"], right: Float[Array, " N"]) -> Float[Array, " N"]:
         """M^-1 right."""
         del t
         return self.chart.solve(self.scene.motion, self.scene.body, q, right)
 
-    def acceleration(self, t, q, v) -> Float[Array, " N"]:
+    def acceleration(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """v' from Lagrange's equations."""
         return self.lagrangian.acceleration(t, q, v)
 
-    def encode(self, t, state: State) -> Phase:
+    def encode(self, t: Any, state: State) -> Phase:
         """q and v of a state."""
         del t
         return self.chart.encode(self.scene.motion, state)
 
-    def decode(self, t, q, v, counted=0.0) -> State:
+    def decode(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"], counted: Any = 0.0) -> State:
         """The state at t, q, v."""
         return self.chart.decode(self.scene.motion, t, q, v, counted)
 
@@ -213,12 +214,14 @@ class Condensed(AbstractEquations):
     scene: DiscreteSystem
     chart: AbstractChart
 
-    def function(self, t, q, v, amplitudes) -> Float[Array, ""]:
+    def function(
+        self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"], amplitudes: Float[Array, " n"]
+    ) -> Float[Array, ""]:
         """L in J at a given strain without a rate."""
         full = Moving(self.scene, self.chart)
         return full.function(t, self._insert(q, amplitudes), self._insert(v, jnp.zeros_like(amplitudes)))
 
-    def strain(self, t, q, v) -> Float[Array, " n"]:
+    def strain(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " n"]:
         """The amplitudes that bear the load of this motion: (K - |d'|^2 M_aa) a = dL/da at a = 0."""
         body = self.scene.body
         rest = jnp.zeros(self.scene.n, q.dtype)
@@ -238,11 +241,11 @@ class Condensed(AbstractEquations):
         # The first step is exact, unless a force depends on the strain and not linearly.
         return jax.lax.scan(newton, rest, length=6)[0]
 
-    def momentum(self, t, q, v) -> Float[Array, " N"]:
+    def momentum(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """p = dL/dv at the static strain."""
         return jax.grad(self.function, argnums=2)(t, q, v, self.strain(t, q, v))
 
-    def acceleration(self, t, q, v) -> Float[Array, " N"]:
+    def acceleration(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """v' from Lagrange's equations."""
         strain = self.strain(t, q, v)
         push = jax.grad(self.function, argnums=1)(t, q, v, strain)
@@ -252,7 +255,7 @@ class Condensed(AbstractEquations):
         _, carried = jax.jvp(lambda t, q: self.momentum(t, q, v), (t, q), (jnp.ones_like(t), v))
         return solve_positive(jax.jacfwd(self.momentum, argnums=2)(t, q, v), push - carried)
 
-    def encode(self, t, state: State) -> Phase:
+    def encode(self, t: Any, state: State) -> Phase:
         """q and v with the angular momentum of the state, whose strain is forgotten.
 
         Its inertia grows with the rate without bound, so that one rate below the critical fits.
@@ -275,7 +278,7 @@ class Condensed(AbstractEquations):
         factor = jnp.where(moving, halved, 1.0)
         return Phase(q, jnp.where(turning, factor * v, v))
 
-    def decode(self, t, q, v, counted=0.0) -> State:
+    def decode(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"], counted: Any = 0.0) -> State:
         """The state at t, q, v; its strain has no rate."""
         return self._state(t, q, v, self.strain(t, q, v), counted)
 

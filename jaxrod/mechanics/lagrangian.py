@@ -42,7 +42,12 @@ class Lagrangian(eqx.Module):
     force: Callable[..., Float[Array, " N"]] | None
     solve: Callable[..., Float[Array, " N"]] | None
 
-    def __init__(self, function, force=None, solve=None):
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        force: Callable[..., Any] | None = None,
+        solve: Callable[..., Any] | None = None,
+    ):
         for name, value in (("function", function), ("force", force), ("solve", solve)):
             if not callable(value) and not (value is None and name != "function"):
                 raise ValueError(
@@ -55,8 +60,8 @@ class Lagrangian(eqx.Module):
 
     def delayed(self, t0: Float[Array, ""]) -> "Lagrangian":
         """The same system on a clock that shows zero at t0 (s)."""
-        parts = [None if f is None else _Delayed(f, t0) for f in (self.function, self.force, self.solve)]
-        return Lagrangian(*parts)
+        force, solve = (None if f is None else _Delayed(f, t0) for f in (self.force, self.solve))
+        return Lagrangian(_Delayed(self.function, t0), force, solve)
 
     def loads(self, start: Phase) -> list[tuple[bool, Callable[[Any], Array]]]:
         """Its accelerations as a function of time at the start, if they are one: as of `DiscreteSystem.loads`."""
@@ -74,7 +79,7 @@ class Lagrangian(eqx.Module):
         del times, start
         return jnp.asarray(False)
 
-    def check(self, t, q, v) -> None:
+    def check(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> None:
         """Refuse, by `ValueError`, coordinates that are not alike, and functions that fail for them.
 
         Nothing is computed.
@@ -98,17 +103,17 @@ class Lagrangian(eqx.Module):
         if tracing.known(q) and tracing.known(v):
             self.check(t, q, v)
 
-    def momentum(self, t, q, v) -> Float[Array, " N"]:
+    def momentum(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """p = dL/dv."""
         self._check_known(t, q, v)
         return jax.grad(self.function, argnums=2)(t, q, v)
 
-    def mass_matrix(self, t, q, v) -> Float[Array, "N N"]:
+    def mass_matrix(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, "N N"]:
         """M = d^2 L / dv^2."""
         self._check_known(t, q, v)
         return jax.jacfwd(self.momentum, argnums=2)(t, q, v)
 
-    def acceleration(self, t, q, v) -> Float[Array, " N"]:
+    def acceleration(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """v' from Lagrange's equations."""
         self._check_known(t, q, v)
         push = jax.grad(self.function, argnums=1)(t, q, v)
@@ -120,7 +125,7 @@ class Lagrangian(eqx.Module):
             return self.solve(t, q, push - carried)
         return solve_positive(self.mass_matrix(t, q, v), push - carried)
 
-    def energy(self, t, q, v) -> Float[Array, ""]:
+    def energy(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, ""]:
         """H = p v - L, in J."""
         self._check_known(t, q, v)
         return self.momentum(t, q, v) @ v - self.function(t, q, v)
@@ -157,7 +162,7 @@ def solve_positive(matrix: Float[Array, "N N"], right: Float[Array, " N"]) -> Fl
     return jnp.stack(x)
 
 
-def eliminate(matrix, right):
+def eliminate(matrix, right: Float[Array, " N"]):
     """x with matrix @ x = right by Gauss and Jordan, without pivoting: after step k column k is that of the identity."""
     table = jnp.concatenate([matrix, right[:, None]], axis=1)
     for k in range(right.shape[0]):

@@ -1,5 +1,6 @@
 """One scene's physics: a rod, how it is held, its strain basis, gravity and forces."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -9,6 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import precision, units, validation
+from ..core.units import Number, Row
 from ..integrators.splitting import AbstractSplit
 from ..motions.force import AbstractForce
 from ..motions.motion import AbstractMotion
@@ -56,7 +58,14 @@ class System(eqx.Module):
     gravity: Float[Array, ""] | Float[Array, " D"] | None
     forces: tuple[AbstractForce, ...]
 
-    def __init__(self, rod, motion, basis=None, gravity=None, forces=()):
+    def __init__(
+        self,
+        rod: Rod | Lumped,
+        motion: AbstractMotion,
+        basis: AbstractBasis | None = None,
+        gravity: Number | Row | None = None,
+        forces: Sequence[AbstractForce] = (),
+    ):
         self.rod, self.motion = rod, motion
         self.basis = Ritz(1) if basis is None else basis
         self.gravity = None if gravity is None else _gravity(gravity, motion)
@@ -128,9 +137,19 @@ class System(eqx.Module):
     # ---- states
 
     def state(
-        self, *, angle=0.0, rate=0.0, strain=0.0, strain_rate=0.0, amplitudes=None, amplitude_rates=None, azimuth=None,
-        azimuth_rate=None, center=None, center_velocity=None,
-    ) -> State:  # fmt: skip
+        self,
+        *,
+        angle: Number = 0.0,
+        rate: Number = 0.0,
+        strain: Number = 0.0,
+        strain_rate: Number = 0.0,
+        amplitudes: Row | None = None,
+        amplitude_rates: Row | None = None,
+        azimuth: Number | None = None,
+        azimuth_rate: Number | None = None,
+        center: Row | None = None,
+        center_velocity: Row | None = None,
+    ) -> State:
         """A state of this scene.
 
         **Arguments:** `angle` above the horizontal (rad) and its `rate` (rad/s); `strain`, elongation over length

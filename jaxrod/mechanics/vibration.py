@@ -143,9 +143,12 @@ class Modes(eqx.Module):
         return jnp.all(self.growth <= 0)
 
     def __repr__(self):
-        if self.frequency.ndim != 1 or not tracing.known(self.frequency):
-            return f"Modes of shape {self.frequency.shape}"
-        lines = [f"Modes in {self.frequency.dtype}", "frequency, Hz   growth, 1/s   swing   strain"]
+        shape = jnp.shape(self.frequency)
+        known = len(shape) == 1 and tracing.known(self.frequency)
+        return f"Modes in {self.frequency.dtype}\n{self}" if known else f"Modes of shape {shape}"
+
+    def __str__(self):
+        lines = ["frequency, Hz   growth, 1/s   swing   strain"]
         for f, growth, d, a in zip(self.frequency, self.growth, self.direction, self.amplitudes, strict=True):
             swing, strain = (float(jnp.max(jnp.abs(x), initial=0.0)) for x in (d, a))
             lines.append(f"{f:13.6g} {growth:13.4g} {swing:7.3f} {strain:8.3f}")

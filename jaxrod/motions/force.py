@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import calling, tracing, units, validation
 from ..core.tracing import depends_on_first
+from ..core.units import Number, Row
 from ..shapes.projection import Projection
 from .motion import AbstractMotion
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
@@ -33,14 +34,14 @@ class AbstractForce(eqx.Module):
     """A force without a potential."""
 
     @abc.abstractmethod
-    def power(self, t, state: State, virtual: Placement, body: Projection) -> Float[Array, ""]:
+    def power(self, t: Any, state: State, virtual: Placement, body: Projection) -> Float[Array, ""]:
         """Power in W of the force at time t and `state` in the virtual velocity `virtual` of the rod `body`."""
 
     @abc.abstractmethod
     def check(self, motion: AbstractMotion) -> None:
         """Refuse, by `ValueError`, a motion this force cannot act on."""
 
-    def try_out(self, t, state: State, power: Callable[[], None]) -> None:
+    def try_out(self, t: Any, state: State, power: Callable[[], None]) -> None:
         """Refuse, by `ValueError`, a function in this force that fails for examples of time and state.
 
         `power` tries the power as a whole, as is right for a force that is not one of this library.
@@ -112,7 +113,7 @@ class AbstractStrength(AbstractForce):
     def varies(self):
         return _is_looked_at(self.strength)
 
-    def unseen(self, times, state, body):
+    def unseen(self, times: Float[Array, " T"], state: State, body: Projection):
         del body
         if not callable(self.strength) or signals(self.strength):
             return jnp.asarray(False)
@@ -149,7 +150,7 @@ class Torque(AbstractStrength):
 
     moment: Any
 
-    def __init__(self, moment):
+    def __init__(self, moment: Number | Row | Callable[..., Any]):
         moment = units.plain("Torque(moment=)", moment, "N m")
         self.moment = _strength("Torque(moment=)", moment, (3,) if np.ndim(_number(moment)) else (), "N m")
 
@@ -157,19 +158,19 @@ class Torque(AbstractStrength):
     def strength(self):
         return self.moment
 
-    def power(self, t, state, virtual, body):
+    def power(self, t: Any, state: State, virtual: Placement, body: Projection):
         del body
         d, rate, moment = state.direction, virtual.direction, _at(self.moment, t, state)
         if state.planar:
             return moment * (d[0] * rate[1] - d[1] * rate[0])
         return moment @ jnp.cross(d, rate)
 
-    def check(self, motion):
+    def check(self, motion: AbstractMotion):
         if not callable(self.moment) and (motion.dimension == 3) != (self.moment.ndim == 1):
             needed = "three numbers in space" if motion.dimension == 3 else "one number in the plane"
             raise ValueError(f"Torque(moment={validation.shown(self.moment)}) does not fit the motion; give {needed}.")
 
-    def try_out(self, t, state, power):
+    def try_out(self, t: Any, state: State, power: Callable[[], None]):
         del power
         wanted, shape = ("one number in N m", ()) if state.planar else ("three numbers in N m", (3,))
         _try_strength("Torque(moment=)", wanted, self.moment, t, state, [shape])
@@ -190,7 +191,7 @@ class TipForce(AbstractStrength):
 
     force: Any
 
-    def __init__(self, force):
+    def __init__(self, force: Number | Row | Callable[..., Any]):
         force = units.plain("TipForce(force=)", force, "N")
         self.force = _strength("TipForce(force=)", force, np.shape(_number(force))[:1], "N")
 
@@ -198,7 +199,7 @@ class TipForce(AbstractStrength):
     def strength(self):
         return self.force
 
-    def power(self, t, state, virtual, body):
+    def power(self, t: Any, state: State, virtual: Placement, body: Projection):
         force = _at(self.force, t, state)
         lengthening = body.tip[1:] @ virtual.amplitudes
         if jnp.ndim(force) == 0:
@@ -207,14 +208,14 @@ class TipForce(AbstractStrength):
         velocity = lengthening * state.direction + body.reach(state.amplitudes) * virtual.direction
         return force @ (velocity if virtual.center is None else velocity + virtual.center)
 
-    def check(self, motion):
+    def check(self, motion: AbstractMotion):
         if not callable(self.force) and self.force.shape not in ((), (motion.dimension,)):
             raise ValueError(
                 f"TipForce(force={validation.shown(self.force)}) does not fit the motion; give one number along the rod or "
                 f"{motion.dimension} in space."
             )
 
-    def try_out(self, t, state, power):
+    def try_out(self, t: Any, state: State, power: Callable[[], None]):
         del power
         shape = state.direction.shape
         wanted = f"one number in N along the rod, or {shape[0]} in space"
@@ -229,21 +230,21 @@ class PivotFriction(AbstractStrength):
 
     coefficient: Any
 
-    def __init__(self, coefficient):
+    def __init__(self, coefficient: Number | Callable[..., Any]):
         self.coefficient = _damping("PivotFriction(coefficient=)", coefficient, "N m s")
 
     @property
     def strength(self):
         return self.coefficient
 
-    def power(self, t, state, virtual, body):
+    def power(self, t: Any, state: State, virtual: Placement, body: Projection):
         del body
         return -_at(self.coefficient, t, state) * (state.direction_rate @ virtual.direction)
 
-    def check(self, motion):
+    def check(self, motion: AbstractMotion):
         _check_pivot(self, motion)
 
-    def try_out(self, t, state, power):
+    def try_out(self, t: Any, state: State, power: Callable[[], None]):
         del power
         _try_damping("PivotFriction(coefficient=)", "N m s", self.coefficient, t, state)
 
@@ -257,20 +258,20 @@ class KelvinVoigt(AbstractStrength):
 
     time: Any
 
-    def __init__(self, time):
+    def __init__(self, time: Number | Callable[..., Any]):
         self.time = _damping("KelvinVoigt(time=)", time, "s", "seconds")
 
     @property
     def strength(self):
         return self.time
 
-    def power(self, t, state, virtual, body):
+    def power(self, t: Any, state: State, virtual: Placement, body: Projection):
         return -_at(self.time, t, state) * (state.amplitude_rates @ body.stiffness_matrix @ virtual.amplitudes)
 
-    def check(self, motion):
+    def check(self, motion: AbstractMotion):
         del motion
 
-    def try_out(self, t, state, power):
+    def try_out(self, t: Any, state: State, power: Callable[[], None]):
         del power
         _try_damping("KelvinVoigt(time=)", "seconds", self.time, t, state)
 
@@ -296,7 +297,7 @@ class ShakenBase(AbstractForce):
     position: Any
     acceleration: Any
 
-    def __init__(self, position=None, *, acceleration=None):
+    def __init__(self, position: Callable[..., Any] | None = None, *, acceleration: Callable[..., Any] | None = None):
         if (position is None) == (acceleration is None):
             given = "neither" if position is None else "both"
             raise ValueError(f"ShakenBase: {given} of position= and acceleration= given; give one of them.")
@@ -310,37 +311,37 @@ class ShakenBase(AbstractForce):
             None if acceleration is None else _function("ShakenBase(acceleration=)", acceleration, "m/s^2")
         )
 
-    def power(self, t, state, virtual, body):
+    def power(self, t: Any, state: State, virtual: Placement, body: Projection):
         t = jnp.asarray(t, state.direction.dtype)
         acceleration = self.moved(t)[2]
         lengthening = body.first_moments[1:] @ virtual.amplitudes
         moving = lengthening * state.direction + body.moment(state.amplitudes) * virtual.direction
         return -acceleration @ moving
 
-    def moved(self, t) -> tuple[Any, Any, Float[Array, " D"]]:
+    def moved(self, t: Any) -> tuple[Any, Any, Float[Array, " D"]]:
         """Position, velocity and acceleration of the base at time t; the first two None where only the last is given."""
         if self.acceleration is not None:
             return None, None, calling.real(self.acceleration(t))
         return twice(lambda t: calling.real(self.position(t)), t)
 
-    def check(self, motion):
+    def check(self, motion: AbstractMotion):
         _check_pivot(self, motion)
         name, given = ("position", self.position) if self.acceleration is None else ("acceleration", self.acceleration)
         what = "the place of the pivot in m" if name == "position" else "the pivot's acceleration in m/s^2"
         wanted = f"t (s) -> {what}, ({motion.dimension},)"
         calling.tried(f"ShakenBase({name}=)", wanted, given, calling.like(), shapes=[(motion.dimension,)])
 
-    def try_out(self, t, state, power):
+    def try_out(self, t: Any, state: State, power: Callable[[], None]):
         del t, state, power  # its function was tried with the motion
 
     @property
     def varies(self):
         return _is_looked_at(self.position if self.acceleration is None else self.acceleration)
 
-    def unknown(self, t0, t1):
+    def unknown(self, t0: Float[Array, ""], t1: Float[Array, ""]):
         return beyond(signals(self), t0, t1, may_end=self.position is None)
 
-    def unseen(self, times, state, body):
+    def unseen(self, times: Float[Array, " T"], state: State, body: Projection):
         del state, body
         if signals(self):
             return jnp.asarray(False)

@@ -4,6 +4,7 @@ Axes: in the plane x is horizontal and y up; in space x and y are horizontal and
 vector along the rod from root to tip; angles are measured above the horizontal.
 """
 
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import calling, tracing, units, validation
+from ..core.units import Number
 from .signal import AbstractSignal, at_each, beyond, kinked, on_clock, signals, twice
 
 
@@ -33,7 +35,7 @@ class AbstractMotion(eqx.Module):
     flies: ClassVar[bool] = False
     pivot: eqx.AbstractVar[Float[Array, ""] | None]
 
-    def turning(self, t) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+    def turning(self, t: Any) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         """Angle (rad), rate and acceleration at time t of a rotation that is prescribed.
 
         **Raises:** `ValueError` for any other.
@@ -80,7 +82,7 @@ class Rotation(AbstractMotion):
     pivot: Any
     dimension: ClassVar[int] = 2
 
-    def __init__(self, pivot=0.0):
+    def __init__(self, pivot: Number | None = 0.0):
         self.pivot = _inside(pivot)
 
 
@@ -93,7 +95,7 @@ class Spherical(AbstractMotion):
     pivot: Any
     dimension: ClassVar[int] = 3
 
-    def __init__(self, pivot=0.0):
+    def __init__(self, pivot: Number | None = 0.0):
         self.pivot = _inside(pivot)
 
 
@@ -117,7 +119,7 @@ class Driven(AbstractMotion):
     dimension: ClassVar[int] = 2
     prescribed: ClassVar[bool] = True
 
-    def __init__(self, angle, pivot=0.0):
+    def __init__(self, angle: Callable[..., Any], pivot: Number | None = 0.0):
         if not callable(angle):
             raise ValueError(
                 f"Driven(angle={validation.given(angle)}) is not a function of time; give one, such as lambda t: 15.0 * t."
@@ -128,14 +130,14 @@ class Driven(AbstractMotion):
         self.angle = tracing.carried(angle)
         self.pivot = _inside(pivot)
 
-    def turning(self, t):
+    def turning(self, t: Any):
         return twice(self.angle, jnp.asarray(t) * 1.0)
 
-    def unseen(self, times):
+    def unseen(self, times: Float[Array, " T"]):
         angle, _, acceleration = at_each(self.turning, times)
         return jnp.asarray(False) if signals(self) else kinked(angle, acceleration, times)
 
-    def delayed(self, t0):
+    def delayed(self, t0: Float[Array, ""]):
         return Driven(_Delayed(self.angle, t0), self.pivot)
 
 

@@ -19,6 +19,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import tracing, units, validation
 from ..core.scalarize import Undivided
+from ..core.units import Number, Row
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
 _ROUGH = 20.0  # times as rough as another, a stencil is left for it: it lies across a jump
@@ -81,7 +82,7 @@ class Record(AbstractSignal):
     curvatures: Float[Array, "K *D"]
     given_in: Any = eqx.field(static=True)  # unit, None of plain numbers
 
-    def __init__(self, times, samples):
+    def __init__(self, times: Row, samples: Row):
         self.given_in = units.of(samples)
         times = validation.numbers("Record(times=)", times, "times in s", "s")
         if times.size < 2:
@@ -108,10 +109,10 @@ class Record(AbstractSignal):
     def zero_outside(self):
         return jnp.all(self.samples[0] == 0), jnp.all(self.samples[-1] == 0)
 
-    def fits(self, name, unit):
+    def fits(self, name: str, unit: str):
         units.fits(name, "a Record", self.given_in, unit)
 
-    def __call__(self, t, state=None):
+    def __call__(self, t: Any, state: Any = None):
         t = jnp.asarray(t, self.times.dtype)
         # Compared with all of them: a search, unrolled into every stage of a step, takes XLA far longer to compile.  And
         # no table of coefficients, which XLA computes anew wherever it is looked up.
@@ -152,7 +153,7 @@ class Impulse(AbstractSignal):
     def __repr__(self):
         return validation.written(self, total="", start="s", width="s")
 
-    def __init__(self, total, start, width):
+    def __init__(self, total: Number | Row, start: Number, width: Number):
         self.given_in = units.of(total)
         self.total = validation.number(
             "Impulse(total=)", total, validation.reals("Impulse(total=)", total, None).shape[:1], None
@@ -167,10 +168,10 @@ class Impulse(AbstractSignal):
     def zero_outside(self):
         return jnp.asarray(True), jnp.asarray(True)
 
-    def fits(self, name, unit):
+    def fits(self, name: str, unit: str):
         units.fits(name, "an Impulse", self.given_in, f"{unit} s")
 
-    def __call__(self, t, state=None):
+    def __call__(self, t: Any, state: Any = None):
         x = (jnp.asarray(t, self.width.dtype) - self.start) / self.width
         pulse = jnp.where((x > 0) & (x < 1), 1 - jnp.cos(2 * jnp.pi * x), 0.0)
         return self.total / self.width * pulse

@@ -146,7 +146,7 @@ def _integrands(x: Any, area: Any, modulus: Any, density: Any, pointed: Any) -> 
 
 
 @tracing.at_once
-def stands(rod: Any, ends: Float[Array, " panels+1"]) -> Bool[Array, ""]:
+def stands(rod: Any, ends: Float[Array, " ends"]) -> Bool[Array, ""]:
     """Whether the integrals on the panels between these ends stand still when each panel is divided."""
     start, half = ends[:-1, None], jnp.diff(ends)[:, None] / 2
     at_ends, dtype = rod.area(jnp.stack([ends[0], ends[-1]])), ends.dtype

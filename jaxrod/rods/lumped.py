@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import precision, validation
+from ..core.units import Number
 
 
 class Lumped(eqx.Module):
@@ -29,7 +30,7 @@ class Lumped(eqx.Module):
     stiffness: Float[Array, ""]
     length: Float[Array, ""]
 
-    def __init__(self, inertia, first_moment, stiffness, length):
+    def __init__(self, inertia: Number, first_moment: Number, stiffness: Number, length: Number):
         self.inertia = validation.positive("inertia", inertia, "kg m^2")
         self.first_moment = validation.number("first_moment", first_moment, unit="kg m")
         self.stiffness = validation.positive(

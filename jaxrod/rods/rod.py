@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import calling, precision, tracing, validation
 from ..core.quadrature import Panels
 from ..core.tracing import deciding
+from ..core.units import Number
 from . import plausibility
 from .law import hooke
 from .looking import check_positive, look_along, stands
@@ -62,7 +63,16 @@ class Rod(eqx.Module):
     law: Any
     resolution: Resolution = eqx.field(static=True, init=False, repr=False)
 
-    def __init__(self, length, section, young, density, tip_mass=None, tip_inertia=None, law=hooke):
+    def __init__(
+        self,
+        length: Number,
+        section: AbstractSection | Callable[..., Any],
+        young: Number | Callable[..., Any],
+        density: Number | Callable[..., Any],
+        tip_mass: Number | None = None,
+        tip_inertia: Number | None = None,
+        law: Callable[..., Any] = hooke,
+    ):
         self.length = validation.positive("length", length, "m")
         self.young = profile("young", young, "Pa", "pascals (rubber about 1e7, steel 2e11)")
         self.density = profile("density", density, "kg/m^3")
@@ -246,7 +256,7 @@ class Rod(eqx.Module):
                 ends = ends + jnp.sum(0.0 * number).astype(ends.dtype)
         return Panels(ends, order)
 
-    def _ends(self, at: Sequence[Float[Array, ""]] = ()) -> Float[Array, " panels+1"]:
+    def _ends(self, at: Sequence[Float[Array, ""]] = ()) -> Float[Array, " ends"]:
         """Ends of the panels in m, ascending.
 
         Coincident ends become one and the same number, so that a panel of no length does not grow under differentiation.

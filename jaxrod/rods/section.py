@@ -5,6 +5,7 @@ A profile is a function of the material coordinate s (m, from the root) with `br
 
 import abc
 import warnings
+from collections.abc import Callable
 from typing import Any, ClassVar
 
 import equinox as eqx
@@ -15,6 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import calling, tracing, units, validation
+from ..core.units import Number, Row
 
 _TAPERS = 8  # quadrature panels of a cone, equal in log radius: 1 / A of a 1 : 1000 taper is smooth on each of them
 _ROUND = 1e-6  # of the length: what a table may be short of the rod
@@ -63,10 +65,10 @@ class Uniform(AbstractSection):
     radius: Float[Array, ""]
     breaks: ClassVar[tuple[float, ...]] = ()
 
-    def __init__(self, radius):
+    def __init__(self, radius: Number):
         self.radius = validation.positive("Uniform(radius=)", radius, "m")
 
-    def area(self, s, length):
+    def area(self, s: Float[Array, "*points"], length: Float[Array, ""]):
         return jnp.pi * self.radius**2 * jnp.ones_like(s)
 
     def valid(self):
@@ -91,21 +93,21 @@ class Cone(AbstractSection):
     tip_radius: Float[Array, ""]
     breaks: ClassVar[tuple[float, ...]] = ()
 
-    def __init__(self, root_radius, tip_radius):
+    def __init__(self, root_radius: Number, tip_radius: Number):
         root = validation.not_negative("Cone(root_radius=)", root_radius, "m")
         tip = validation.not_negative("Cone(tip_radius=)", tip_radius, "m")
         if validation.fails(lambda root, tip: (root > 0) | (tip > 0), root, tip):
             raise ValueError("Cone(root_radius=0, tip_radius=0) has no section left; at most one end may be a point.")
         self.root_radius, self.tip_radius = root, tip
 
-    def radius(self, s, length):
+    def radius(self, s: Float[Array, "*points"], length: Float[Array, ""]):
         """r(s) = r + (R - r) s / length, in m: equation (13)."""
         return self.root_radius + (self.tip_radius - self.root_radius) * s / length
 
-    def area(self, s, length):
+    def area(self, s: Float[Array, "*points"], length: Float[Array, ""]):
         return jnp.pi * self.radius(s, length) ** 2
 
-    def knots(self, length):
+    def knots(self, length: Float[Array, ""]):
         # Where log(radius) has gone k / 8 of its way.  For nearly equal radii the way in s itself: nothing to resolve.
         widest = jnp.maximum(self.root_radius, self.tip_radius)
         root, tip = (jnp.maximum(r, widest / _STEEPEST) for r in (self.root_radius, self.tip_radius))
@@ -145,7 +147,7 @@ class Table(AbstractSection):
     areas: Float[Array, " points"]
     breaks: ClassVar[tuple[float, ...]] = ()
 
-    def __init__(self, positions, radii=None, *, areas=None):
+    def __init__(self, positions: Row, radii: Row | None = None, *, areas: Row | None = None):
         if (radii is None) == (areas is None):
             given = "neither" if radii is None else "both"
             raise ValueError(f"Table: {given} of radii= and areas= given; give one of them.")
@@ -165,19 +167,19 @@ class Table(AbstractSection):
             )
         self.areas = jnp.pi * measured**2 if areas is None else measured
 
-    def area(self, s, length):
+    def area(self, s: Float[Array, "*points"], length: Float[Array, ""]):
         with jax.numpy_rank_promotion("allow"):  # interpax broadcasts freely
             logs = interpax.interp1d(jnp.ravel(s), self.positions, jnp.log(self.areas), method="monotonic", extrap=True)
         known = (s >= self.positions[0] - _ROUND * length) & (s <= self.positions[-1] + _ROUND * length)
         return jnp.where(known, jnp.exp(logs).reshape(jnp.shape(s)), jnp.nan)
 
-    def knots(self, length):
+    def knots(self, length: Float[Array, ""]):
         return jnp.clip(self.positions, 0.0, length).astype(length.dtype)
 
     def valid(self):
         return jnp.all(self.areas > 0) & jnp.all(jnp.diff(self.positions) > 0)
 
-    def covers(self, length):
+    def covers(self, length: Float[Array, ""]):
         return (self.positions[0] <= _ROUND * length) & (self.positions[-1] >= length * (1 - _ROUND))
 
     def __repr__(self):
@@ -200,7 +202,7 @@ class PiecewiseConstant(eqx.Module):
     values: Float[Array, " pieces"]
     breaks: tuple[float, ...] = eqx.field(static=True)
 
-    def __init__(self, breaks, values):
+    def __init__(self, breaks: Row, values: Row):
         self.breaks = _increasing(breaks)
         self.values = validation.number("PiecewiseConstant(values=)", values, (len(self.breaks) + 1,))
 
@@ -214,7 +216,7 @@ class PiecewiseConstant(eqx.Module):
 class Steps(PiecewiseConstant):
     """The name that `PiecewiseConstant` had; it goes with the next release."""
 
-    def __init__(self, breaks, values):
+    def __init__(self, breaks: Row, values: Row):
         warnings.warn("jaxrod.Steps is called jaxrod.PiecewiseConstant now.", FutureWarning, stacklevel=4)
         super().__init__(breaks, values)
 
@@ -234,7 +236,7 @@ class Profile(AbstractSection):
     function: Any
     breaks: tuple[float, ...] = eqx.field(static=True)
 
-    def __init__(self, function, breaks=()):
+    def __init__(self, function: Callable[..., Any], breaks: Row = ()):
         if not callable(function):
             raise ValueError(
                 f"section={validation.given(function)} is not a section; give Uniform, Cone, Table or a function of s."
@@ -255,7 +257,7 @@ class Profile(AbstractSection):
     def __call__(self, s: Float[Array, "*points"]) -> Float[Array, "*points"]:
         return jnp.broadcast_to(calling.real(self.function(s)), jnp.shape(s))
 
-    def area(self, s, length):
+    def area(self, s: Float[Array, "*points"], length: Float[Array, ""]):
         del length
         return self(s)
 

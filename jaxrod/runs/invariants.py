@@ -74,7 +74,7 @@ def energy_change(scene: DiscreteSystem, states: State) -> tuple[Float[Array, " 
 
     def parts(state):
         turning, strain, weight = scene.energies(state)
-        return jnp.stack([turning, strain + jnp.zeros_like(turning), 0 * weight if scene.motion.flies else weight])
+        return jnp.stack([turning, strain, 0 * weight if scene.motion.flies else weight])
 
     found = jax.vmap(parts)(states)
     # Part by part: of a stiff rod's large and constant parts the sum would lose what little has changed.

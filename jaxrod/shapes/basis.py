@@ -9,6 +9,7 @@ and the body at the tip in M and p.  The mean of phi_1' is 1 and that of the oth
 """
 
 import abc
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -51,7 +52,7 @@ class AbstractBasis(eqx.Module):
 
     def shapes(
         self, rod: Rod | Lumped, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False
-    ) -> Float[Array, "n+1 points"]:
+    ) -> Float[Array, "all points"]:
         """phi_0 .. phi_n in m at the material coordinates s (m), zero at `pivot` (None: the root), or those of flight."""
         if isinstance(rod, Lumped):
             return jnp.stack([s] * (self.n + 1))
@@ -103,12 +104,12 @@ class AbstractBasis(eqx.Module):
     def _panels(self, rod: Rod, pivot) -> Panels:
         return rod.panels(16 + self.n, () if pivot is None or self._smooth else (pivot,))
 
-    def _rise(self, s, pivot) -> Float[Array, "n+1 points"]:
+    def _rise(self, s, pivot) -> Float[Array, "all points"]:
         """phi_0 and phi_1 of uniform strain, and nothing yet of the rest."""
         arm = s if pivot is None else s - pivot
         return jnp.stack([arm, arm, *[jnp.zeros_like(arm)] * (self.n - 1)][: self.n + 1])
 
-    def _at_points(self, rod: Rod, panels: Panels, pivot, strains) -> Float[Array, "n+1 points+1"]:
+    def _at_points(self, rod: Rod, panels: Panels, pivot, strains) -> Float[Array, "all points_tip"]:
         """phi_0 .. phi_n, zero at the pivot, at the points of the panels and last at the tip; `strains` at the points."""
         phi = self._rise(jnp.concatenate([panels.s, rod.length[None]]), pivot)
         if self._smooth:
@@ -155,7 +156,7 @@ class Ritz(AbstractShapes):
     def by_piece(self):
         return self.n > 1
 
-    def strains(self, rod, s, pivot=None, free=False):
+    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
         ends, pieces = _pieces(rod, pivot)
         # Constants first: each piece against all before it, with zero mean.
         shapes = [jnp.ones_like(s)]
@@ -189,7 +190,7 @@ class ForceRitz(AbstractShapes):
     def uniform(self):
         return False
 
-    def misfit(self, rod):
+    def misfit(self, rod: Any):
         if not self.n or isinstance(rod, Lumped) or not validation.fails(np.logical_not, _pointed(rod)):
             return ""
         return (
@@ -201,7 +202,7 @@ class ForceRitz(AbstractShapes):
     def by_piece(self):
         return self.n > 2
 
-    def strains(self, rod, s, pivot=None, free=False):
+    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
         if self.n == 0:
             return jnp.zeros((0, *s.shape), s.dtype)
         panels = self._panels(rod, pivot)
@@ -269,10 +270,10 @@ class QuasiStatic(AbstractBasis):
     def by_piece(self):
         return self.basis.by_piece
 
-    def misfit(self, rod):
+    def misfit(self, rod: Any):
         return self.basis.misfit(rod)
 
-    def strains(self, rod, s, pivot=None, free=False):
+    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
         return self.basis.strains(rod, s, pivot, free)
 
 
@@ -326,14 +327,14 @@ def _excess(strains: Float[Array, "n points"]) -> Float[Array, "n points"]:
     return strains.at[0].add(-1.0)
 
 
-def until(panels: Panels, values: Float[Array, "k points"], pivot) -> Float[Array, " k"]:
+def until(panels: Panels, values: Float[Array, "k points"], pivot: Float[Array, ""] | None) -> Float[Array, " k"]:
     """int from the root to the pivot, which ends a panel."""
     if pivot is None:
         return jnp.zeros(len(values), values.dtype)
     return values @ jnp.where(panels.s < pivot, panels.ds, 0.0)
 
 
-def _pieces(rod: Rod, pivot) -> tuple[Float[Array, " pieces+1"], int]:
+def _pieces(rod: Rod, pivot) -> tuple[Float[Array, " ends"], int]:
     """Ends of the pieces in m, and how many there are."""
     dtype = rod.length.dtype
     inner = [jnp.asarray(b, dtype) for b in rod.breaks] + ([] if pivot is None else [pivot.astype(dtype)])
@@ -341,7 +342,7 @@ def _pieces(rod: Rod, pivot) -> tuple[Float[Array, " pieces+1"], int]:
     return (jnp.sort(ends) if len(inner) > 1 else ends), len(inner) + 1
 
 
-def lumped_mass(rod: Rod, panels: Panels) -> Float[Array, " points+1"]:
+def lumped_mass(rod: Rod, panels: Panels) -> Float[Array, " points_tip"]:
     """rho A ds in kg, and last the mass at the tip."""
     s = panels.s
     mass = rod.mass_density(s) * rod.area(s) * panels.ds
@@ -349,6 +350,6 @@ def lumped_mass(rod: Rod, panels: Panels) -> Float[Array, " points+1"]:
     return jnp.concatenate([mass, tip[None].astype(mass.dtype)])
 
 
-def _mean(rod: Rod, panels: Panels, phi) -> Float[Array, " n+1"]:
+def _mean(rod: Rod, panels: Panels, phi) -> Float[Array, " all"]:
     mass = lumped_mass(rod, panels)
     return phi[:, : mass.size] @ mass / jnp.sum(mass)

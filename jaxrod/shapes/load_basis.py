@@ -36,7 +36,9 @@ class LoadRitz(AbstractShapes):
     def uniform(self):
         return False
 
-    def strains(self, rod, s, pivot=None, free=False):
+    def strains(
+        self, rod: Rod, s: Float[jax.Array, " points"], pivot: Float[jax.Array, ""] | None = None, free: bool = False
+    ):
         if self.n == 0:
             return jnp.zeros((0, *s.shape), s.dtype)
         panels = self._panels(rod, pivot)
@@ -46,7 +48,7 @@ class LoadRitz(AbstractShapes):
         mass = lumped_mass(rod, panels)
         weight = rod.mass_density(panels.s) * rod.area(panels.s)
 
-        def stretched(phi: Float[jax.Array, " nodes+1"]) -> Float[jax.Array, " points"]:
+        def stretched(phi: Float[jax.Array, " nodes_tip"]) -> Float[jax.Array, " points"]:
             """Strain under the load rho A phi and, at the tip, its mass times phi: the tension beyond each point over EA."""
             load, tip = (weight * phi[:-1])[None], mass[-1] * phi[-1]
             below = panels.antiderivative(load, s)[0]
@@ -56,7 +58,7 @@ class LoadRitz(AbstractShapes):
                 beyond = jnp.where(points > pivot, beyond, -below)
             return beyond * compliance
 
-        def displaced(strain: Float[jax.Array, " nodes"]) -> Float[jax.Array, " nodes+1"]:
+        def displaced(strain: Float[jax.Array, " nodes"]) -> Float[jax.Array, " nodes_tip"]:
             strain = strain[None]
             phi = jnp.concatenate([panels.running(strain)[0], strain @ panels.ds]) - until(panels, strain, pivot)
             return phi - phi @ mass / jnp.sum(mass) if free else phi

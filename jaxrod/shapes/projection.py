@@ -19,11 +19,11 @@ class Projection(eqx.Module):
     M_aa, None where one division does.
     """
 
-    mass_matrix: Float[Array, "n+1 n+1"]
+    mass_matrix: Float[Array, "all all"]
     stiffness_matrix: Float[Array, "n n"]
-    first_moments: Float[Array, " n+1"]
+    first_moments: Float[Array, " all"]
     mass: Any  # Float[Array, ""]; a Lumped body has none
-    tip: Float[Array, " n+1"]
+    tip: Float[Array, " all"]
     strains: Float[Array, "n points"]
     rigidity: Float[Array, " points"]
     law: Any

@@ -29,7 +29,7 @@ class AxialModes(eqx.Module):
     periods: Float[Array, " n"]
     arms: Float[Array, " n"]
     rest: Float[Array, ""]
-    moments: Float[Array, " n+1"]
+    moments: Float[Array, " all"]
     shapes: Float[Array, "n n"]
     inverse: Float[Array, "n n"]
 
