@@ -18,8 +18,8 @@ from hypothesis import strategies as st
 
 import jaxrod
 from jaxrod import Result
-from jaxrod.runs.step_policy import StepPolicy
 from jaxrod.mechanics.splittings.normal_modes import AxialModes
+from jaxrod.runs.step_policy import StepPolicy
 
 GRAVITY = 9.81
 TIMES = jnp.linspace(0.0, 1.0, 41)  # always as many: runs of one structure and one shape are compiled once
