@@ -11,7 +11,7 @@ import pytest
 
 import jaxrod
 
-ROOT = pathlib.Path(__file__).parent.parent
+ROOT = pathlib.Path(__file__).parents[2]
 CONSTANTS = next(
     case["outputs"]
     for case in json.loads((ROOT / "tests" / "truth.json").read_text())["cases"]
