@@ -1,4 +1,4 @@
-"""`simulate`: from a scene and a start to a `Solution`, by Diffrax.
+"""`simulate`: from a scene and a start to a `Solution`.  How it is stepped is decided in `runs`.
 
 **Accuracy.**  `tolerance` is the relative error of the tip's position after 1,000 axial periods.  Errors of single
 steps are measured in natural units (radians and strains for coordinates; rates over the natural rate of the scene) and
@@ -21,7 +21,7 @@ from jaxtyping import Array
 from .accuracy.error_budget import budgets
 from .accuracy.quantity import AbstractQuantity, as_quantity
 from .accuracy.run_plan import Plan
-from .core import tracing, validation
+from .core import tracing, units, validation
 from .core.result import SimulationError
 from .integrators.multistep import AbstractMultistep
 from .mechanics.chart import AbstractChart
@@ -93,15 +93,17 @@ def simulate(
     >>> print(jax.vmap(jax.grad(end))(jax.numpy.array([10.0, 15.0])).round(4))
     [0.099  0.0967]
     """
+    in_s = {"ts": ts, "t1": t1, "t0": t0, "dt0": dt0}
     asked = {
-        "ts": ts, "t1": t1, "t0": t0, "tolerance": tolerance, "chart": chart, "solver": solver, "dt0": dt0, "n_steps": n_steps,
+        **{name: units.plain(name, time, "s") for name, time in in_s.items()},
+        "tolerance": tolerance, "chart": chart, "solver": solver, "n_steps": n_steps,
         "stepsize_controller": stepsize_controller, "saveat": saveat, "event": event, "adjoint": adjoint,
         "progress_meter": progress_meter, "max_steps": max_steps,
     }  # fmt: skip
     validation.switch("throw", throw)
     if isinstance(tolerance, Plan):
         warnings.warn("simulate(tolerance=plan) is written simulate(plan=plan) now.", FutureWarning, stacklevel=2)
-        plan, asked["tolerance"] = tolerance, None
+        plan, asked["tolerance"] = (tolerance, None) if plan is None else (plan, tolerance)
     if plan is not None:
         system, start, asked = _planned(plan, system, start, asked)
     request = Request.checked(system, start, **asked)
@@ -154,7 +156,8 @@ def _budgets(quantities: list[AbstractQuantity], request: Request, solution: Sol
     system, start = request.system, request.start
     assert isinstance(system, System) and isinstance(start, State)
     if not isinstance(solution.states, State):
-        raise ValueError("budget= asks whole states; leave out fn= of saveat=.")
+        asking = ", ".join(quantity.name for quantity in quantities)
+        raise ValueError(f"budget= of {asking} asks whole states; leave out fn= of saveat=.")
     t0, t1 = (asked[name] for name in ("t0", "t1"))
     saved = {"t0": t0, "ts": asked["ts"], "t1": t1, "saveat": asked["saveat"]}
     same = {"event": asked["event"], "adjoint": asked["adjoint"], "max_steps": asked["max_steps"]}

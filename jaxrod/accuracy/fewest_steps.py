@@ -21,7 +21,7 @@ from . import cost_model
 from .quantity import AbstractQuantity
 from .reference import apart
 
-MOST_STEPS = 2**24
+_MOST_STEPS = 2**24
 _TRIES = 8  # step counts of one solver and type
 _NEAR = 1.5  # a step count within this factor of one too few is good enough
 _BESIDE = 1.07
@@ -38,7 +38,7 @@ class Question:
 
     def run(self, system: System, start: State, **how: Any) -> Solution:
         ts = self.ts.astype(start.direction.dtype)
-        return solve(system, start, t0=self.t0, ts=ts, max_steps=MOST_STEPS, **how)
+        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **how)
 
     def answer(self, solution: Solution) -> np.ndarray:
         """The quantity, NaN if the run does not reach its end."""
@@ -71,7 +71,7 @@ class Way(NamedTuple):
     cost: float
 
 
-def ways(question: Question, rung: Rung, enough: float, dtypes: tuple[str, ...]) -> Iterator[Way]:
+def ways_of(question: Question, rung: Rung, enough: float, dtypes: tuple[str, ...]) -> Iterator[Way]:
     """By each solver and float type the fewest steps with which a rung comes out to `enough`."""
     for dtype in dtypes:
         for solver in solvers(in_type(dtype, rung.system)):
@@ -96,20 +96,21 @@ def fewest(off: Callable[[float], float], least: float, begin: float, order: int
     >>> print(100 <= found <= 150)
     True
     """
-    steps, found, fewest, failed = begin, None, math.inf, 0.0
+    steps, found, failed = begin, None, 0.0
     for _ in range(_TRIES):
         steps = max(steps, least)
         error = off(steps)
         # A zero of the error, between two signs of it, would pass for a small one.
         good = error <= enough and off(_BESIDE * steps) <= enough
         if good:
-            found = fewest = steps
+            found = steps
         else:
             failed = steps
-        if fewest <= max(_NEAR * failed, least) or failed > MOST_STEPS:
+        near = found is not None and found <= max(_NEAR * failed, least)
+        if near or failed > _MOST_STEPS:
             break
         if found is not None and failed:
-            steps = math.sqrt(failed * fewest)
+            steps = math.sqrt(failed * found)
             continue
         factor = 1.1 * (error / enough) ** (1 / order) if math.isfinite(error) else 4.0
         steps *= min(max(factor, 1 / 8), 1 / 1.2) if good else min(max(factor, 1.3), 8.0)

@@ -30,7 +30,7 @@ from ..runs.defaults import by_equal_steps
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
 from .error_budget import NUDGE, nudged, parted
-from .fewest_steps import Question, Rung, Way, ways
+from .fewest_steps import Question, Rung, Way, ways_of
 from .ladder import brought, condensable, richer
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
@@ -241,7 +241,7 @@ class _Search:
         # they are worth a try.
         narrow = growth * float(np.finfo(np.float32).eps) <= self.tolerance
         enough = _FOR_STEPS * (self.tolerance - known - rounding)
-        return ways(self.question, rung, enough, ("float64", "float32") if narrow else ("float64",))
+        return ways_of(self.question, rung, enough, ("float64", "float32") if narrow else ("float64",))
 
     def planned(self, way: Way, error: float, met: bool, why: str) -> Plan:
         rung, duration = way.rung, float(self.ts[-1] - self.t0)

@@ -7,7 +7,7 @@
 - `dynamics` are the equations of motion in the modes, `simulation` runs them, `solution` is what it returns.
 - `neglected`: what the model of a straight rod leaves out, bending and lateral inertia, in numbers.
 
-Shares no code with strain bases and `mechanics`; it reads the rod, how it is held, what is prescribed and the force at its
+Computes nothing by strain bases and `mechanics`; it reads the rod, how it is held, what is prescribed and the force at its
 tip.  What `simulate` computes by any basis is held against it.
 """
 

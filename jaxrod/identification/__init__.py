@@ -1,1 +1,1 @@
-"""Parameters from measurements: `fitting` finds them and judges what it found, by `least_squares`."""
+"""Parameters from measurements: `fitting` has `fit`, which finds them and judges what it found, by `least_squares`."""

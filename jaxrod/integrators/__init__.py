@@ -1,7 +1,7 @@
 """Methods that step equations of motion; they know no rods.
 
 - `splitting`: what equal steps ask of the equations.  `symplectic`: compositions of drift and kick.  `multistep`: one force a
-  step, of a motion that is remembered.  `runge_kutta`: for forces that depend on rates.
+  step, as they keep the positions of steps before.  `runge_kutta`: for forces that depend on rates.
 - `fixed_step`: the one loop of all of them, forwards and, for derivatives, backwards.
 - `compensation`: a Diffrax solver that keeps full turns and the digits that rounding cuts off.  `reversal`: derivatives
   that a loop does not have, refused in a sentence.

@@ -130,7 +130,7 @@ def _search(system, angle, spin, momentum):
     spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
     state = _state(system, base, spin, q)
     if _weighs(system):  # balanced for a moment only, at the top and at the bottom
-        across = jnp.sqrt(jnp.sum(system.gravity**2)) * jnp.max(jnp.abs(system.body.first_moments))
+        across = jnp.sqrt(jnp.sum(system.pull**2)) * jnp.max(jnp.abs(system.body.first_moments))
         turns = across > 1e-9 * system.body.mass_matrix[0, 0] * rate**2
         error = jnp.where(turns & (spin != 0), jnp.inf, error)
     return state, error, system.discrete.lowest_strain(state.amplitudes)
@@ -176,7 +176,7 @@ def natural_rate(system: System) -> Float[Array, ""]:
     body = jax.lax.stop_gradient(system.body)
     if system.basis.n:
         return jnp.sqrt(body.stiffness_matrix[0, 0] / body.mass_matrix[1, 1])
-    weight = 1.0 if system.gravity is None else jnp.sqrt(jnp.sum(system.gravity**2))
+    weight = 1.0 if system.pull is None else jnp.sqrt(jnp.sum(system.pull**2))
     return jax.lax.stop_gradient(jnp.sqrt(weight / system.rod.length))
 
 
@@ -201,18 +201,19 @@ def _guess(system: System, angle, spin) -> Float[Array, " D"]:
     down = jnp.zeros(dimension).at[-1].set(-1.0)
     if angle is not None:
         return jnp.zeros(dimension).at[0].set(jnp.cos(angle)).at[-1].set(jnp.sin(angle))
-    if system.gravity is None or system.motion.flies:
+    if system.pull is None or system.motion.flies:
         return jnp.zeros(dimension).at[0].set(1.0)
-    if system.gravity.ndim == 1:
-        strength = jnp.sqrt(system.gravity @ system.gravity)
-        down = jnp.where(strength > 0, system.gravity / jnp.where(strength > 0, strength, 1.0), down)
+    pull = system.pull
+    strength = jnp.sqrt(pull @ pull)
+    down = jnp.where(strength > 0, pull / jnp.where(strength > 0, strength, 1.0), down)
     body = system.body
     down = down * jnp.where(body.first_moments[0] < 0, -1.0, 1.0)
-    if spin is None or dimension == 2 or system.gravity.ndim == 1:
+    vertical = system.gravity is not None and system.gravity.ndim == 0
+    if spin is None or dimension == 2 or not vertical:
         return down
     # The cone of a rigid rod, sin(angle) = -gamma / spin^2, where the spin is fast enough to raise it.
     sine = (
-        -system.gravity
+        pull[-1]
         * body.first_moments[0]
         / body.mass_matrix[0, 0]
         / jnp.maximum(spin**2, jnp.finfo(body.mass_matrix.dtype).tiny)

@@ -1,6 +1,6 @@
-"""One scene's physics: a rod, how it is held, its strain basis, gravity and forces."""
+"""One scene: a rod, how it is held, its strain basis, gravity and forces."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -301,11 +301,9 @@ class System(eqx.Module):
 
         **Raises:** `ValueError` where `unsplit` is not empty.
         """
-        if self.unsplit:
-            raise ValueError(
-                f"a symplectic solver cannot step this scene: {self.unsplit}; take solver=diffrax.Dopri8()."
-            )
         scene = self.discrete if scene is None else scene
+        if why := self._why_not_split(lambda: scene):
+            raise ValueError(f"a symplectic solver cannot step this scene: {why}; take solver=diffrax.Dopri8().")
         if self.motion.prescribed:
             return Prescribed(scene, t0, start)
         return (Flat if self.splits_flat and not small_kicks else Axial)(scene, t0, start)
@@ -319,9 +317,12 @@ class System(eqx.Module):
     @property
     def unsplit(self) -> str:
         """Why this scene has no split; empty if it has one."""
+        return self._why_not_split(lambda: self.discrete)
+
+    def _why_not_split(self, scene: Callable[[], DiscreteSystem]) -> str:
         if isinstance(self.basis, QuasiStatic):
             return "the strain of QuasiStatic is no motion of its own"
-        if self.forces and self.discrete.rate_dependent:
+        if self.forces and scene().rate_dependent:
             return "its forces depend on rates, or on full turns"
         if self.forces and self._free:
             return "its forces act on a rod in flight"

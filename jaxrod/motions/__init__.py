@@ -5,6 +5,6 @@
 - `signal`: recorded or sudden functions of time.  `preview` looks at all such functions before a run, `stops` says where
   its steps end.
 
-A new force is a class with `power`, a new motion one with the facts that `AbstractMotion` names; each composes with every
-rod, basis and solver.
+A new force is a class with `power` and `check`, a new motion one with the facts that `AbstractMotion` names; each composes with
+every rod, basis and solver.
 """

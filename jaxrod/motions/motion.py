@@ -27,7 +27,9 @@ class AbstractMotion(eqx.Module):
     - `prescribed`: whether the rotation is given, by `turning`, and the strain alone moves;
     - `flies`: whether no point is held: the centre of mass decouples, and gravity acts on it alone;
     - `pivot`: the point that is held, in m from the root; None where it is the root itself, and in flight;
-    - `pull`: what gravity does in it.
+    - `pull`: what gravity is in it, as a vector in the axes of the director.
+
+    tests/motions/test_own_motion.py has two of one's own.
     """
 
     dimension: ClassVar[int]
@@ -64,13 +66,14 @@ class AbstractMotion(eqx.Module):
 
     def unseen(self, times: Float[Array, " T"]) -> Bool[Array, ""]:
         """Whether what is prescribed moves, though at none of these instants it is seen to be accelerated."""
-        del times
-        return jnp.asarray(False)
+        if not self.prescribed or signals(self):
+            return jnp.asarray(False)
+        angle, _, acceleration = at_each(self.turning, times)
+        return kinked(angle, acceleration, times)
 
     def delayed(self, t0: Float[Array, ""]) -> "AbstractMotion":
         """The same motion on a clock that shows zero at t0 (s)."""
-        del t0
-        return self
+        return _Later(self, t0) if self.prescribed else self
 
 
 class Rotation(AbstractMotion):
@@ -133,10 +136,6 @@ class Driven(AbstractMotion):
     def turning(self, t: Any):
         return twice(self.angle, jnp.asarray(t) * 1.0)
 
-    def unseen(self, times: Float[Array, " T"]):
-        angle, _, acceleration = at_each(self.turning, times)
-        return jnp.asarray(False) if signals(self) else kinked(angle, acceleration, times)
-
     def delayed(self, t0: Float[Array, ""]):
         return Driven(_Delayed(self.angle, t0), self.pivot)
 
@@ -149,6 +148,32 @@ class _Delayed(eqx.Module):
 
     def __call__(self, t):
         return on_clock(lambda t: jnp.asarray(self.angle(t), t.dtype), self.t0, t)
+
+
+class _Later(AbstractMotion):
+    """A prescribed motion on a clock that shows zero at t0."""
+
+    motion: AbstractMotion
+    t0: Float[Array, ""]
+    prescribed: ClassVar[bool] = True
+
+    def __init__(self, motion: AbstractMotion, t0: Float[Array, ""]):
+        self.motion, self.t0 = motion, t0
+
+    @property
+    def dimension(self) -> int:
+        return self.motion.dimension
+
+    @property
+    def pivot(self):
+        return self.motion.pivot
+
+    def turning(self, t: Any):
+        angle, rate, acceleration = on_clock(lambda t: jnp.stack(self.motion.turning(t)), self.t0, jnp.asarray(t) * 1.0)
+        return angle, rate, acceleration
+
+    def pull(self, gravity: Float[Array, ""] | Float[Array, " D"]):
+        return self.motion.pull(gravity)
 
 
 class Flight(AbstractMotion):

@@ -2,8 +2,8 @@
 
     mass rho A per length,  stiffness E A,  both functions of the material coordinate s in 0 .. length
 
-`rod` puts a `section` (area along s) and a `law` (stress of a strain) together; `lumped` is a body of three numbers in place
-of it.  `looking` finds where such functions jump or bend, `resolution` the panels that integrate them; `plausibility` asks
+`rod` puts a `section` (area along s) and a `law` (stress of a strain) together; `lumped` is a body of four numbers in place
+of it.  `looking` finds where functions of s jump or bend, `resolution` the panels that integrate them; `plausibility` asks
 about numbers that no rod has in SI.
 
 Composes with any basis of `shapes` and any motion of `motions`; the exact rod (`continuum`) reads the same `Rod`.

@@ -71,12 +71,13 @@ def integrate(
     scene: Any = system
     scales = None
     if isinstance(system, System):
-        # An invalid scene is run with other numbers: its own would keep its neighbours waiting for NaN.
+        # What is invalid, scene or start, is run with other numbers: its own would keep its neighbours waiting for NaN.
         system, scene, sound = system.or_idle()
         valid = valid & sound & scene.valid(start)
         start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
-        scales = Scales.of(scene, start, t0, t1)
     looked = Preview.of(scene, start, t0, t1, knots)
+    if isinstance(scene, DiscreteSystem):
+        scales = Scales.of(scene, start, t0, t1, looked)
     coordinates = _Coordinates.of(system, scene, start, t0, chart, solver)
     margin = _Margin.of(system, scene) if isinstance(system, System) and system.basis.n else None
     adapt = (t1[None] if ts is None else ts, knots, looked, atol, longest)
@@ -89,7 +90,7 @@ def integrate(
         coordinates.y0,
         saveat=_saveat(saveat, ts, coordinates),
         stepsize_controller=_steps(
-            scene, scales, coordinates, t0, t1, controller, dt0, n_steps, ts is not None, *adapt
+            scene, scales, coordinates.y0, t0, t1, controller, dt0, n_steps, ts is not None, *adapt
         ),
         adjoint=adjoint,
         event=_events(event and _begun(event, system, scene, start, chart, t0, t1), coordinates, margin, t1.dtype),
@@ -170,7 +171,7 @@ def _are_given(controller: Any, dt0: Any, n_steps: Any) -> bool:
 
 
 def _steps(
-    scene: Any, scales: Scales | None, coordinates: _Coordinates, t0, t1, controller, dt0, n_steps, saves: bool,
+    scene: Any, scales: Scales | None, y0: Tracked, t0, t1, controller, dt0, n_steps, saves: bool,
     ends, knots, looked: Preview | None, atol, longest,
 ) -> Any:  # fmt: skip
     """The step size controller: what was given, or by the error, with steps that end at `ends`."""
@@ -183,7 +184,7 @@ def _steps(
     if looked is not None:  # error control sees what changes, once a step ends there
         most = (t1 - t0) / jnp.maximum(looked.mean_steps, 1.0)
         longest = most if longest is None else jnp.minimum(most, longest)
-    by_error = _by_error(scene, scales, coordinates.y0, t1 - t0, atol, longest)
+    by_error = _by_error(scene, scales, y0, t1 - t0, atol, longest)
     return _ending_at(Stops.of(t0, ends, knots, looked), by_error, t0, saves)
 
 

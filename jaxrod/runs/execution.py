@@ -1,6 +1,6 @@
 """One run, from what is asked to a `Solution`: `Request.checked` refuses what makes no sense, `execute` runs the rest.
 
-Nothing is raised after the checks: how a run ended is a code in what it returns.
+How a run ended is a code in what `execute` returns: it raises nothing but that a run has no such derivative.
 """
 
 import dataclasses
@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import precision, tracing, units, validation
+from ..core import precision, tracing, validation
 from ..core.result import Result
 from ..integrators.multistep import AbstractMultistep
 from ..integrators.reversal import reversible
@@ -103,8 +103,6 @@ class Request:
         max_steps: Any = 2**20,
     ) -> "Request":
         """**Raises:** `ValueError` for arguments that make no sense; they are those of `simulate`."""
-        in_s = {"ts": ts, "t1": t1, "t0": t0, "dt0": dt0}
-        ts, t1, t0, dt0 = (units.plain(name, time, "s") for name, time in in_s.items())
         arguments.check_scene(system, start, chart)
         dtype = precision.float_type(system, start)
         precision.warn_if_lowered(dtype, system, start, stacklevel=4)
@@ -141,6 +139,8 @@ class Request:
             arguments.check_split(system, chosen, chart)
         elif isinstance(adjoint, Reversible):
             raise ValueError(f"adjoint=Reversible() runs symplectic solvers backwards, not {type(chosen).__name__}.")
+        if chart is not None:
+            system.check_chart(chart)
         if isinstance(chosen, AbstractMultistep):
             arguments.check_multistep(system, chosen, plain and chart is None)
         unrolled = isinstance(chosen, Unrolled) and isinstance(system, System) and chart is None
@@ -222,9 +222,8 @@ def _through_diffrax(request: Request, solver: Any, why: str, longest: Any = Non
     scene, times, adjoint, chart = request.scene, request.times, request.adjoint, request.chart
     if isinstance(solver, AbstractSymplectic) or not isinstance(scene, System):
         chart = None  # these have coordinates of their own
-    else:
-        chart = default_chart(scene) if chart is None else chart
-        scene.check_chart(chart)
+    elif chart is None:
+        chart = default_chart(scene)
     saveat, event = by_the_clock(times, request.saveat, request.event)
     solution = integrate(
         scene,
@@ -232,19 +231,19 @@ def _through_diffrax(request: Request, solver: Any, why: str, longest: Any = Non
         chart,
         times.start,
         times.end,
-        times.saved,
-        jnp.maximum(_LOCAL * request.tolerance, _LEAST_LOCAL[request.tolerance.dtype.name]),
-        solver,
-        request.stepsize_controller,
-        request.dt0,
-        request.n_steps,
-        saveat,
-        event,
-        diffrax.RecursiveCheckpointAdjoint() if adjoint is None or isinstance(adjoint, Reversible) else adjoint,
-        diffrax.NoProgressMeter() if request.progress_meter is None else request.progress_meter,
-        request.max_steps,
-        longest,
-        request.knots,
+        ts=times.saved,
+        atol=jnp.maximum(_LOCAL * request.tolerance, _LEAST_LOCAL[request.tolerance.dtype.name]),
+        solver=solver,
+        controller=request.stepsize_controller,
+        dt0=request.dt0,
+        n_steps=request.n_steps,
+        saveat=saveat,
+        event=event,
+        adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None or isinstance(adjoint, Reversible) else adjoint,
+        progress_meter=diffrax.NoProgressMeter() if request.progress_meter is None else request.progress_meter,
+        max_steps=request.max_steps,
+        longest=longest,
+        knots=request.knots,
     )
     return _explained(solution, why)
 

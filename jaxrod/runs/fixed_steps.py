@@ -34,19 +34,24 @@ _SHORTER = 1 - np.arange(8) / 16  # share of a step, tried until it is clear of 
 
 
 def step_size(scales: Scales, solver: AbstractSymplectic, tolerance, policy: StepPolicy) -> Float[Array, ""]:
-    """Step in s with which the tip's relative error after 1,000 axial periods is about `tolerance`."""
-    turning = scales.turning
+    """Step in s with which the tip's relative error after 1,000 axial periods is about `tolerance`.
+
+    By the rates of turning and of the slowest axial mode; the faster modes are exact, or there are none.
+    """
+    turning, strain = scales.turning, scales.strain
+    if scales.axial.size:  # in a short run no less than would be reached in it
+        strain = strain + (scales.least / scales.axial[0]) ** 2
     finer = (tolerance / 1e-8) ** (1 / 6)
     # Large strains make the kicks large too.
     if isinstance(solver, ABA864) and scales.axial.size:
-        axial, strain = scales.axial[0], jnp.minimum(scales.strain, 1.0)
+        axial, strain = scales.axial[0], jnp.minimum(strain, 1.0)
         finer_there = jnp.where(finer > 1, finer ** (1 - strain), finer)  # a loose tolerance gains less there
         phase = jnp.minimum(policy.finest_small_kicks * finer_there * (turning / axial) ** (-1 / 3), 1.0)
         step = phase / (1 + policy.stretched_small_kicks * strain) / jnp.sqrt(axial**2 + turning**2)
     else:
         rate = jnp.sqrt(turning**2 + scales.axial[0] ** 2) if scales.axial.size else math.sqrt(2.0) * turning
         phase = jnp.minimum(policy.finest * finer, policy.longest_phase)
-        step = phase / (1 + policy.stretched * jnp.minimum(scales.strain, 3.0)) / rate
+        step = phase / (1 + policy.stretched * jnp.minimum(strain, 3.0)) / rate
     return jnp.minimum(step, policy.longest_turn * jnp.minimum(finer, 1.0) / turning)
 
 
@@ -156,7 +161,8 @@ def _stepped(system: System, scene: DiscreteSystem, start: State, t0, solver: An
 
 
 def _counts(scales: Scales, t0, ends, size, tolerance, even: bool, looked: Preview | None, policy) -> Int[Array, " E"]:
-    """Steps of about `size` to each of the times `ends`; by a `tolerance`, which is None of given steps, as loads ask too."""
+    """Steps of about `size` to each of the times `ends`; more where loads ask for them, but of steps that were given
+    (`tolerance` None)."""
     legs = jnp.diff(ends, prepend=t0)
     least = jnp.where(legs > 0, 1.0, 0.0)
     if looked is not None and tolerance is not None:

@@ -1,4 +1,4 @@
-"""By which numbers equal steps are counted, and by which a run of them is believed."""
+"""By which numbers `fixed_steps.step_size` counts equal steps, and `acceptance.trusted` believes a run of them."""
 
 from typing import Any
 
@@ -10,8 +10,8 @@ class StepPolicy(eqx.Module):
 
     Steps, as phases (rad) of what they resolve:
 
-    - `finest`: of the fastest motion in a step of `BlanesMoan6` at a tolerance of 1e-8; `finest_small_kicks`: likewise of
-      `ABA864` where kicks are as strong as the springs.
+    - `finest`: of the slowest axial mode and the turning together in a step of `BlanesMoan6` at a tolerance of 1e-8;
+      `finest_small_kicks`: likewise of `ABA864` where kicks are as strong as the springs.
     - `longest_phase` (the method is stable up to 3.14) and `longest_turn`: the most at any tolerance.
     - `stretched` and `stretched_small_kicks`: by how much a strain of one shortens a step.
 

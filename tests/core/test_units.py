@@ -435,3 +435,15 @@ for verb, how in ((jaxrod.continuum.simulate, {{"ts": [0.1]}}), (jaxrod.plan, {{
 """
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=True)
     assert f"steps in {printed}: the run" in found.stdout and found.stdout.count(advised) == 2
+
+
+def test_an_error_asked_over_times_with_units():
+    """The runs that tell it, and the times that a quantity looks at, are in s too."""
+    rod = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 1e7, 1200.0)
+    system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    start, asked = system.state(rate=3.0), [jaxrod.FinalTip(), jaxrod.LargestStrain()]
+    with_units = jaxrod.simulate(system, start, t0=Q(100, "ms"), t1=Q(150, "ms"), budget=asked).budget
+    plain = jaxrod.simulate(system, start, t0=0.1, t1=0.15, budget=asked).budget
+    for one, other in zip(with_units, plain, strict=True):
+        np.testing.assert_array_equal(one.value, other.value)
+        np.testing.assert_array_equal(one.bound, other.bound)

@@ -51,6 +51,42 @@ def test_keeps_its_energy(rod):
     np.testing.assert_allclose(jaxrod.equilibrium(system).angle, -np.pi / 2)
 
 
+def test_hangs_where_its_gravity_pulls(rod):
+    """Also where it is turned, and not only less."""
+
+    class Sideways(Inclined):
+        def pull(self, gravity):
+            return jnp.stack([gravity, jnp.zeros_like(gravity)])
+
+    system = jaxrod.System(rod, Sideways(jnp.asarray(0.0)), gravity=9.81)
+    rest = jaxrod.equilibrium(system)
+    np.testing.assert_allclose(rest.angle, 0.0, atol=1e-12)
+    hanging = jaxrod.equilibrium(jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81))
+    np.testing.assert_allclose(rest.strain, hanging.strain, rtol=1e-12)
+
+
+class Cranked(jaxrod.AbstractMotion):
+    """Driven to and fro, by formulas of its own."""
+
+    swing: Any
+    pivot: Any = None
+    dimension: ClassVar[int] = 2
+    prescribed: ClassVar[bool] = True
+
+    def turning(self, t):
+        return self.swing * jnp.sin(3 * t), 3 * self.swing * jnp.cos(3 * t), -9 * self.swing * jnp.sin(3 * t)
+
+
+@pytest.mark.parametrize("t0", [0.0, 0.4])
+def test_is_driven_on_the_clock_of_the_run(rod, t0):
+    own, driven = (
+        jaxrod.System(rod, motion, gravity=9.81)
+        for motion in (Cranked(jnp.asarray(0.5)), jaxrod.Driven(lambda t: 0.5 * jnp.sin(3 * t)))
+    )
+    ends = [jaxrod.simulate(x, x.state(), t0=t0, t1=t0 + 0.3).tip[-1] for x in (own, driven)]
+    np.testing.assert_allclose(ends[0], ends[1], rtol=1e-10)
+
+
 def test_differentiates_by_what_is_its_own(rod):
     def end(slope):
         return tip(rod, 3.0, slope)[0]

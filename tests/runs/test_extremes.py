@@ -182,6 +182,18 @@ def test_float32(cone, motion, numbers):
     np.testing.assert_allclose(single.angle, double.angle, rtol=0, atol=1e-4)
 
 
+def test_a_run_shorter_than_a_period(cone):
+    """A tenth of one, and a hundredth: equal steps are trusted in either float type, as nothing gets stretched in it."""
+    system = _system(cone)
+    start = system.state(angle=0.3, rate=2.0)
+    for dtype in (jnp.float64, jnp.float32):
+        scene = jax.tree.map(lambda x, dtype=dtype: x.astype(dtype), (system, start))
+        for part in (0.1, 0.01):
+            end = part * 2 * np.pi / _axial_rate(system)
+            sol = jax.jit(lambda scene, end: jaxrod.simulate(*scene, t1=end))(scene, jnp.asarray(end, dtype))
+            assert sol.result == Result.ok
+
+
 @pytest.mark.parametrize(
     ("strain", "lost"),
     [(1e-2, 9.5367431640625e-7), (1e-4, 1.659393310546875e-4), (1e-6, 0.04632568359375), (5e-8, 1.0)],
