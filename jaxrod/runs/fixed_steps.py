@@ -7,7 +7,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core.result import Result
 from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
@@ -77,13 +77,7 @@ def step_through(
     A step ends at each of `knots` too (None: there are none), and where functions of time are seen to change.
     """
     given, given_ts, given_start = system, ts, start
-    # What is invalid is run with ones for all its numbers: its own would keep its neighbours waiting.  Times, scene and
-    # start each by itself, so that what is common to all lanes stays so under `vmap`.
-    valid_times = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0)
-    ts = jnp.where(valid_times, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
-    system, scene, sound = system.or_idle()
-    valid = scene.valid(start)
-    start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
+    system, scene, start, ts, valid = _runnable(system, start, t0, ts)
     looked = Preview.of(scene, start, t0, ts[-1], knots)
     scales = Scales.of(scene, start, t0, ts[-1], looked)
     stops = Stops.of(t0, ts, knots, looked if n_steps is None else None)
@@ -96,7 +90,6 @@ def step_through(
     stable = jnp.max(jnp.diff(ends, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
     taken = jnp.where(stable, jnp.clip(max_steps - (summed(counts) - counts), 0, counts), 0)
     enough = taken == counts
-    valid = valid & sound & valid_times
 
     saved = march(solver, split, split.encode(start), start.turns, Route(t0, ends, counts, taken, even), backwards)
     last, saved = jax.tree.map(lambda x: x[-1], saved), stops.at_saves(saved)
@@ -147,6 +140,20 @@ def step_through(
         start=given_start,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
+
+
+def _runnable(system: System, start: State, t0, ts) -> tuple[System, DiscreteSystem, State, Array, Bool[Array, ""]]:
+    """Scene, start and save times, with others in place of what is invalid, and whether all of it is valid.
+
+    Its own numbers would keep its neighbours waiting.  Times, scene and start each by itself, so that what is common to all
+    lanes stays so under `vmap`.
+    """
+    valid_times = jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0) & (ts[-1] > t0)
+    ts = jnp.where(valid_times, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
+    system, scene, sound = system.or_idle()
+    valid = scene.valid(start)
+    start = jax.tree.map(lambda x: jnp.where(valid, x, jnp.ones_like(x)), start)
+    return system, scene, start, ts, valid & sound & valid_times
 
 
 def _stepped(system: System, scene: DiscreteSystem, start: State, t0, solver: Any) -> AbstractStepped:
