@@ -38,3 +38,8 @@ def cone() -> "jaxrod.Rod":
 @pytest.fixture(scope="session")
 def uniform() -> "jaxrod.Rod":
     return jaxrod.Rod(section=jaxrod.Uniform(radius=0.025), **FIGURE_2)
+
+
+def pytest_collection_modifyitems(items):
+    """The longest first: what is begun last keeps one worker busy while the other has nothing left."""
+    items.sort(key=lambda item: "notebooks" not in item.nodeid)
