@@ -29,7 +29,8 @@ class ByHand(Flat):
         scene, _ = self.numbers
         x, y = q
         pull = scene.body.stiffness_matrix[0, 0] * (1 - 1 / jnp.sqrt(x * x + y * y))
-        return Numbers((-pull * x, -pull * y - scene.body.first_moments[0] * scene.gravity), (2,))
+        across, down = (scene.body.first_moments[0] * g for g in scene.gravity)
+        return Numbers((across - pull * x, down - pull * y), (2,))
 
 
 def main() -> None:

@@ -108,8 +108,7 @@ class _Search:
     def __init__(
         self, system: System, start: State, quantity: AbstractQuantity, t0, ts, static: bool, tolerance: float
     ):
-        self.system, self.start, self.quantity = system, start, quantity
-        self.t0, self.ts, self.static, self.tolerance = t0, ts, static, tolerance
+        self.system, self.start, self.static, self.tolerance = system, start, static, tolerance
         self.question = Question(quantity, t0, ts)
         self.tried: dict[str, Rung] = {}
         self.family = richer(system)
@@ -119,7 +118,10 @@ class _Search:
     def plan(self) -> Plan:
         truth = self.truth()
         growth, rounding = self.rounding(truth.rung)
-        unit, nearest = f" {self.quantity.unit}".rstrip(), Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf)
+        unit, nearest = (
+            f" {self.question.quantity.unit}".rstrip(),
+            Way(truth.rung, None, "float64", 0, 0.0, 0.0, math.inf),
+        )
         if math.isinf(growth) and math.isfinite(truth.apart):
             return self.planned(nearest, math.inf, False, "the motion is beyond its horizon (see jaxrod.horizon)")
         if not truth.apart <= _FOR_MODEL * self.tolerance:
@@ -127,7 +129,7 @@ class _Search:
             if not math.isfinite(truth.apart):
                 why = f"{truth.name} does not reach the end, or a rung below it"
             if np.isnan(truth.rung.value).any() and bool(truth.rung.fine.ok):
-                why = f"the {self.quantity.name} is no number"
+                why = f"the {self.question.quantity.name} is no number"
             return self.planned(nearest, truth.apart, False, why)
         if not math.isfinite(rounding):
             return self.planned(nearest, math.inf, False, f"{named(truth.rung.basis)} does not reach the end")
@@ -162,8 +164,10 @@ class _Search:
             rung = self.rung(self.system.basis)
             return _Truth(rung.value, 0.0, named(rung.basis), ", the only rung of a Lumped body", rung)
         exact, wanted = None, _AGREED * self.tolerance
-        if comparable(self.quantity):
-            exact = exact_answer(self.system, self.start, self.quantity, self.t0, self.ts, self.static, wanted)
+        if comparable(self.question.quantity):
+            exact = exact_answer(
+                self.system, self.start, self.question.quantity, self.question.t0, self.question.ts, self.static, wanted
+            )
         # Rungs know better only where there was no time for more modes.
         known = exact is not None and exact.apart <= _FOR_MODEL * self.tolerance
         if exact is not None and (known or exact.complete or math.isinf(exact.apart)):
@@ -209,7 +213,7 @@ class _Search:
 
     def closed_forms(self) -> tuple[float, float]:
         """Errors to be expected of a rigid rod and of a strain that follows its loads; zero where no closed form says."""
-        if self.static or not isinstance(self.quantity, FinalAngle | FinalTip):
+        if self.static or not isinstance(self.question.quantity, FinalAngle | FinalTip):
             return 0.0, 0.0
         system, start = self.system, self.start
         swing = 0.0 if system.motion.prescribed else float(system.discrete.fastest_swing)
@@ -217,8 +221,8 @@ class _Search:
         delta = (
             turning / (2 * math.pi * float(continuum.natural_frequencies(dataclasses.replace(system, forces=()), 1)[0]))
         ) ** 2
-        angle = turning * float(self.ts[-1] - self.t0)
-        arm = float(system.rod.length) if isinstance(self.quantity, FinalTip) else 1.0
+        angle = turning * float(self.question.ts[-1] - self.question.t0)
+        arm = float(system.rod.length) if isinstance(self.question.quantity, FinalTip) else 1.0
         return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)
 
     def hopeless(self, tried: list[tuple[float, Rung]]) -> bool:
@@ -230,7 +234,7 @@ class _Search:
 
     def rung(self, basis: AbstractBasis) -> Rung:
         if named(basis) not in self.tried:
-            system, start = brought(self.system, self.start, basis, self.static, self.t0)
+            system, start = brought(self.system, self.start, basis, self.static, self.question.t0)
             fine = self.question.run(system, start, tolerance=_FINE)
             self.tried[named(basis)] = Rung(basis, system, start, self.question.answer(fine), fine)
         return self.tried[named(basis)]
@@ -244,7 +248,7 @@ class _Search:
         return ways_of(self.question, rung, enough, ("float64", "float32") if narrow else ("float64",))
 
     def planned(self, way: Way, error: float, met: bool, why: str) -> Plan:
-        rung, duration = way.rung, float(self.ts[-1] - self.t0)
+        rung, duration = way.rung, float(self.question.ts[-1] - self.question.t0)
         equal = by_equal_steps(way.solver)
         return Plan(
             met=met,
@@ -253,13 +257,13 @@ class _Search:
             dtype=way.dtype,
             step=duration / way.setting if equal else None,
             tolerance=None if equal else way.setting,
-            rate=float(step_rate(rung.system, rung.start, self.t0, self.ts[-1])),
+            rate=float(step_rate(rung.system, rung.start, self.question.t0, self.question.ts[-1])),
             n_steps=way.steps,
             static=self.static,
             error=error,
             cost=way.cost,
             asked=self.tolerance,
-            quantity=self.quantity.name,
-            unit=self.quantity.unit,
+            quantity=self.question.quantity.name,
+            unit=self.question.quantity.unit,
             why=why,
         )

@@ -145,9 +145,9 @@ def given(value: Any) -> str:
 
 def brief(value: Any, unit: str = "") -> str:
     """A number as it is written in a representation, with its unit; anything else in a few words."""
-    number = isinstance(value, int | float | np.number | jax.Array) and tracing.known(value) and np.ndim(value) == 0
-    if isinstance(value, jax.Array) and not tracing.known(value):
+    if not tracing.known(value):
         return "traced"
+    number = isinstance(value, int | float | np.number | jax.Array) and np.ndim(value) == 0
     return f"{value:.6g} {unit}".rstrip() if number else given(value)
 
 

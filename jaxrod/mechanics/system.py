@@ -85,25 +85,17 @@ class System(eqx.Module):
     # ---- the rod as the basis sees it
 
     @property
-    def _pivot(self) -> Float[Array, ""] | None:
-        return self.motion.pivot
-
-    @property
-    def _free(self) -> bool:
-        return self.motion.flies
-
-    @property
     def origin(self) -> Float[Array, ""]:
         """Material coordinate in m that stays put: the pivot, in flight the centre of mass."""
-        if self._free:
+        if self.motion.flies:
             assert isinstance(self.rod, Rod)
             return self.rod.center_of_mass
-        return jnp.zeros_like(self.rod.length) if self._pivot is None else self._pivot
+        return jnp.zeros_like(self.rod.length) if self.motion.pivot is None else self.motion.pivot
 
     @property
     def body(self) -> Projection:
         """Mass matrix, stiffness matrix and first moments about `origin`."""
-        return _projected(self.basis, self.rod, self._pivot, self._free)
+        return _projected(self.basis, self.rod, self.motion.pivot, self.motion.flies)
 
     @property
     def discrete(self) -> DiscreteSystem:
@@ -129,8 +121,8 @@ class System(eqx.Module):
         body = self.body
         inertia, limits = body.mass_matrix[0, 0], jnp.finfo(body.mass_matrix.dtype)
         sound = self.rod.valid() & _finite(self) & (inertia > limits.tiny / limits.eps) & _finite(body)
-        if self._pivot is not None:
-            sound = sound & (self._pivot >= 0) & (self._pivot <= self.rod.length)
+        if self.motion.pivot is not None:
+            sound = sound & (self.motion.pivot >= 0) & (self.motion.pivot <= self.rod.length)
         idle = jax.tree.map(lambda x: jnp.where(sound, x, jnp.ones_like(x)), self)
         return idle, idle._discretized(body.or_idle(sound)), sound
 
@@ -169,24 +161,27 @@ class System(eqx.Module):
 
     def kinetic_energy(self, state: State) -> Float[Array, ""]:
         """Kinetic energy T of one state."""
-        check_state(self, state)
-        scene = self.discrete
-        turning = scene.energies(state)[0]
-        return turning if state.center_velocity is None else turning + scene.moving(state.center_velocity)
+        return self._energies(state)[0]
 
     def elastic_energy(self, state: State) -> Float[Array, ""]:
         """Strain energy of one state."""
-        check_state(self, state)
-        return self.discrete.energies(state)[1]
+        return self._energies(state)[1]
 
     def gravity_energy(self, state: State) -> Float[Array, ""]:
         """Energy of weight of one state: zero at the pivot, in flight at the origin."""
-        check_state(self, state)
-        return self.discrete.energies(state)[2]
+        return self._energies(state)[2]
 
     def energy(self, state: State) -> Float[Array, ""]:
         """T + V of one state, V = 0 at the pivot (in flight at the origin)."""
-        return self.kinetic_energy(state) + self.elastic_energy(state) + self.gravity_energy(state)
+        kinetic, elastic, weight = self._energies(state)
+        return kinetic + elastic + weight
+
+    def _energies(self, state: State) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        check_state(self, state)
+        scene = self.discrete
+        turning, elastic, weight = scene.energies(state)
+        moving = turning if state.center_velocity is None else turning + scene.moving(state.center_velocity)
+        return moving, elastic, weight
 
     def power(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
         """Power in W of the forces, and of the drive where there is one: the rate at which `energy` grows."""
@@ -221,7 +216,7 @@ class System(eqx.Module):
         """Positions in m of the material points s (m): from the pivot, in flight from the origin."""
         check_state(self, state)
         s = validation.along("s", s, self.rod.length)
-        phi = self.basis.shapes(self.rod, s, self._pivot, self._free)
+        phi = self.basis.shapes(self.rod, s, self.motion.pivot, self.motion.flies)
         along = phi[0] + state.amplitudes @ phi[1:]
         points = along[:, None] * state.direction[None, :]
         return points if state.center is None else points + state.center[None, :]
@@ -237,7 +232,7 @@ class System(eqx.Module):
         s = validation.along("s", s, self.rod.length)
         if isinstance(self.rod, Lumped):
             return jnp.broadcast_to(state.strain, s.shape)
-        return state.amplitudes @ self.basis.strains(self.rod, s, self._pivot, self._free)
+        return state.amplitudes @ self.basis.strains(self.rod, s, self.motion.pivot, self.motion.flies)
 
     # ---- time
 
@@ -324,7 +319,7 @@ class System(eqx.Module):
             return "the strain of QuasiStatic is no motion of its own"
         if self.forces and scene().rate_dependent:
             return "its forces depend on rates, or on full turns"
-        if self.forces and self._free:
+        if self.forces and self.motion.flies:
             return "its forces act on a rod in flight"
         if isinstance(self.rod, Rod) and not self.rod.linear and not self.flat:
             return "its strain law is not linear"

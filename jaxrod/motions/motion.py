@@ -45,9 +45,7 @@ class AbstractMotion(eqx.Module):
         raise ValueError(f"motion={type(self).__name__}() has no drive; take Driven(angle).")
 
     def largest_rate(self, times: Float[Array, " T"]) -> Float[Array, ""]:
-        """The fastest that the rod is driven, in rad/s, at any of these times; zero where it moves freely."""
-        if not self.prescribed:
-            return jnp.zeros_like(times[0])
+        """The fastest that the rod is driven, in rad/s, at any of these times, where its rotation is prescribed."""
         return jnp.max(jnp.abs(jax.vmap(self.turning)(times)[1]))
 
     def pull(self, gravity: Float[Array, ""] | Float[Array, " D"]) -> Float[Array, " D"]:

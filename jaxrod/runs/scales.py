@@ -13,11 +13,11 @@ from ..motions.state import State
 class Scales(eqx.Module):
     """Rates of a run in rad/s and its strain, as far as its start and its loads show; without derivatives.
 
-    - `turning`: the fastest that the rod may turn, by `spin`, `swing` and `least` together.
     - `spin`: its rate at the start and what the impulses of its loads add, as far as they were looked at; or the fastest of a
-      drive.  `swing`: what
-      gravity adds.  From the highest place to the lowest 1/2 J w^2 grows by 2 |g| S, with J the moment of inertia and S the
-      first moment at rest: w^2 = 4 |g| S / J, and half of that on average.  Small swings have half the rate.
+      drive.
+    - `swing`: what gravity adds.  From the highest place to the lowest 1/2 J w^2 grows by 2 |g| S, with J the moment of
+      inertia and S the first moment at rest: w^2 = 4 |g| S / J, and half of that on average.  Small swings have half the
+      rate.
     - `least`: 1 / (t1 - t0).  Nothing slower shows in a run.
     - `axial` (n,): the natural rates of the strain, ascending; there are none where the strain has no motion of its own.
     - `strain`: what the start brings, and what spin and swing pull: sum |a| + sum |a'| / axial + (spin^2 + swing^2) / axial^2,
@@ -49,7 +49,7 @@ class Scales(eqx.Module):
 
     @property
     def turning(self) -> Float[Array, ""]:
-        """rad/s."""
+        """The fastest that the rod may turn, in rad/s."""
         return jnp.sqrt(self.spin**2 + self.swing**2 + self.least**2)
 
     @property
