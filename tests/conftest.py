@@ -1,3 +1,4 @@
+import dataclasses
 import os
 import pathlib
 
@@ -10,8 +11,6 @@ jaxrod.configure()  # before anything else touches JAX
 
 import jax  # noqa: E402
 import pytest  # noqa: E402
-
-FIGURE_2 = {"length": 1.0, "young": 1e7, "density": 1200.0}
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -29,15 +28,38 @@ def _few_memory_maps():
         jax.clear_caches()
 
 
+def make_rod(**numbers) -> "jaxrod.Rod":
+    """The paper's rod, a cone whose thin end is held, but for the numbers given."""
+    paper = {"length": 1.0, "section": jaxrod.Cone(root_radius=0.02, tip_radius=0.03), "young": 1e7, "density": 1200.0}
+    return jaxrod.Rod(**(paper | numbers))
+
+
+def scene(motion=None, basis=None, gravity=None, forces=(), rod=None, **numbers) -> "jaxrod.System":
+    """The paper's rod, or `rod`, but for the numbers given: in the plane, without gravity and forces unless told otherwise.
+
+    Under a transformation a rod that is made there is traced throughout, one that is given in its `numbers` alone.
+    """
+    if rod is None:
+        rod = make_rod(**numbers)
+    elif numbers:
+        rod = dataclasses.replace(rod, **numbers)
+    return jaxrod.System(rod, jaxrod.Rotation() if motion is None else motion, basis, gravity, forces)
+
+
+@pytest.fixture(name="scene", scope="session")
+def _scene():
+    """For tests; tables and functions of a file, which get no fixtures, import `scene` from here."""
+    return scene
+
+
 @pytest.fixture(scope="session")
 def cone() -> "jaxrod.Rod":
-    """The paper's rod, thin end held."""
-    return jaxrod.Rod(section=jaxrod.Cone(root_radius=0.02, tip_radius=0.03), **FIGURE_2)
+    return make_rod()
 
 
 @pytest.fixture(scope="session")
 def uniform() -> "jaxrod.Rod":
-    return jaxrod.Rod(section=jaxrod.Uniform(radius=0.025), **FIGURE_2)
+    return make_rod(section=jaxrod.Uniform(radius=0.025))
 
 
 def pytest_collection_modifyitems(items):

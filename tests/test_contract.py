@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 from jaxrod import Result
@@ -312,14 +313,13 @@ MOTIONS = {
         {"angle": 0.5, "rate": 9.0, "center": (1.0, 2.0), "center_velocity": (3.0, 4.0)},
     ),
 }
-ROD = jaxrod.Rod(length=1.0, section=jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
 
 
 @functools.cache
 def _forced(name):
     motion, torque, numbers = MOTIONS[name]
     forces = (torque,) if name == "Flight" else (torque, jaxrod.PivotFriction(0.3))
-    system = jaxrod.System(ROD, motion, jaxrod.Ritz(1), 9.81, forces)
+    system = scene(motion, jaxrod.Ritz(1), 9.81, forces)
     return jaxrod.simulate(system, system.state(strain=0.02, **numbers), ts=TIMES)
 
 
@@ -390,27 +390,27 @@ def test_print():
 
 def test_friction_of_a_rigid_rod():
     """Without gravity the rate decays as exp(-c t / I): closed form."""
-    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(0), forces=(jaxrod.PivotFriction(0.5),))
+    system = scene(basis=jaxrod.Ritz(0), forces=(jaxrod.PivotFriction(0.5),))
     ts = jnp.linspace(0.0, 3.0, 4)
     sol = jaxrod.simulate(system, system.state(rate=4.0), ts=ts)
-    np.testing.assert_allclose(sol.rate, 4.0 * np.exp(-0.5 * ts / ROD.moment_of_inertia()), rtol=1e-9)
+    np.testing.assert_allclose(sol.rate, 4.0 * np.exp(-0.5 * ts / system.rod.moment_of_inertia()), rtol=1e-9)
 
 
 # ---- Diffrax's own keywords
 
 
 @pytest.fixture(scope="module")
-def scene():
-    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+def figure_2():
+    system = scene(gravity=9.81)
     return system, system.state(rate=15.0)
 
 
 @pytest.fixture(scope="module")
-def reference(scene):
-    return jaxrod.simulate(*scene, ts=jnp.array([0.05, 0.1]), tolerance=1e-12)
+def reference(figure_2):
+    return jaxrod.simulate(*figure_2, ts=jnp.array([0.05, 0.1]), tolerance=1e-12)
 
 
-def test_keywords_pass_through(scene, reference, capsys):
+def test_keywords_pass_through(figure_2, reference, capsys):
     """Solver, step size controller, first step, saving and meter in one run: all five are heard."""
     seen = []
 
@@ -419,7 +419,7 @@ def test_keywords_pass_through(scene, reference, capsys):
         return {"t": t, "angle": state.angle}
 
     sol = jaxrod.simulate(
-        *scene, t1=0.1, solver=diffrax.Tsit5(), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6), dt0=1e-5,
+        *figure_2, t1=0.1, solver=diffrax.Tsit5(), stepsize_controller=diffrax.PIDController(rtol=1e-6, atol=1e-6), dt0=1e-5,
         saveat=diffrax.SaveAt(ts=reference.ts, fn=save), progress_meter=diffrax.TextProgressMeter(),
     )  # fmt: skip
     jax.effects_barrier()
@@ -432,17 +432,17 @@ def test_keywords_pass_through(scene, reference, capsys):
 
 
 @pytest.mark.parametrize("chart", [jaxrod.Angles(), jaxrod.Embedded()], ids=["Angles", "Embedded"])
-def test_implicit_solver(scene, reference, chart):
+def test_implicit_solver(figure_2, reference, chart):
     """Kvaerno5 solves for its stages: it needs Jacobians of the accelerations."""
-    sol = jaxrod.simulate(*scene, ts=reference.ts, solver=diffrax.Kvaerno5(), chart=chart)
+    sol = jaxrod.simulate(*figure_2, ts=reference.ts, solver=diffrax.Kvaerno5(), chart=chart)
     assert sol.method == f"Kvaerno5, {type(chart).__name__}"
     np.testing.assert_allclose(sol.tip, reference.tip, rtol=0, atol=1e-8)
 
 
-def test_save_every_step_of_constant_length(scene):
+def test_save_every_step_of_constant_length(figure_2):
     """dt0 alone means constant steps; room that is not needed is NaN.  The adjoint is another one."""
     sol = jaxrod.simulate(
-        *scene,
+        *figure_2,
         t1=0.1,
         dt0=0.0025,
         saveat=diffrax.SaveAt(t0=True, steps=True),
@@ -457,30 +457,26 @@ def test_save_every_step_of_constant_length(scene):
     assert (~reached).sum() > 20 and np.isnan(sol.angle[~reached]).all()
 
 
-def test_event(scene):
+def test_event(figure_2):
     """A run stops when the rod passes 3 rad, whatever the step: the time is that of a run that ends there."""
     event = diffrax.Event(lambda t, state, args, **_: state.angle - 3.0, direction=True)
-    sol = jaxrod.simulate(*scene, t1=1.0, event=event)
+    sol = jaxrod.simulate(*figure_2, t1=1.0, event=event)
     assert sol.result == Result.ok and 0.2 < sol.ts[0] < 0.25
     assert sol.stats["t_end"] == sol.ts[0]
     np.testing.assert_allclose(sol.angle, 3.0, rtol=1e-12)
-    again = jaxrod.simulate(*scene, ts=jnp.array([0.1, sol.ts[0]]), tolerance=1e-12)
+    again = jaxrod.simulate(*figure_2, ts=jnp.array([0.1, sol.ts[0]]), tolerance=1e-12)
     np.testing.assert_allclose(again.angle[-1], 3.0, rtol=0, atol=1e-8)
 
 
 # ---- new scenes from old ones
 
 
-def test_replaced_scenes_are_right(scene):
+def test_replaced_scenes_are_right(figure_2):
     """Only inputs are stored, so nothing is left over from the old scene."""
-    system, _ = scene
-    built = jaxrod.System(
-        jaxrod.Rod(length=2.0, section=jaxrod.Uniform(0.01), young=3e7, density=900.0),
-        jaxrod.Spherical(0.5),
-        jaxrod.Ritz(1),
-        gravity=1.6,
-    )
-    rod = dataclasses.replace(ROD, length=2.0, section=jaxrod.Uniform(0.01), young=3e7, density=900.0)
+    system, _ = figure_2
+    numbers = {"length": 2.0, "section": jaxrod.Uniform(0.01), "young": 3e7, "density": 900.0}
+    built = scene(jaxrod.Spherical(0.5), gravity=1.6, **numbers)
+    rod = dataclasses.replace(system.rod, **numbers)
     replaced = dataclasses.replace(system, rod=rod, motion=jaxrod.Spherical(0.5), gravity=1.6)
     grown = eqx.tree_at(lambda s: (s.rod.length, s.motion.pivot), replaced, (jnp.array(4.0), jnp.array(1.0)))
     state = built.state(angle=0.5, rate=3.0, strain=0.1)
@@ -496,7 +492,7 @@ def test_replaced_scenes_are_right(scene):
 
 def _operations(n=1, gravity: float | None = 9.81, forces=(), motion=None):
     """Operations of the lowered acceleration."""
-    system = jaxrod.System(ROD, motion or jaxrod.Rotation(), jaxrod.Ritz(n), gravity, forces)
+    system = scene(motion, jaxrod.Ritz(n), gravity, forces)
     chart = jaxrod.Angles()
     q, v = chart.encode(system.motion, system.state(angle=0.3, rate=1.0))
     program = jax.jit(lambda q, v: system.lagrangian(chart).acceleration(0.0, q, v)).lower(q, v)

@@ -1,6 +1,7 @@
 """Wrong inputs are answered at once, in one sentence that names the argument, its value and the remedy."""
 
 import dataclasses
+import functools
 import math
 import re
 
@@ -10,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import make_rod, scene
 
 import jaxrod
 
@@ -42,18 +44,12 @@ NUMBERS = {
 ANY_SIGN = {"first_moment", "moment", "angle", "rate", "strain", "strain_rate", "azimuth", "azimuth_rate", "t1", "t0"}
 MAY_BE_ZERO = ANY_SIGN | {"root_radius", "tip_radius", "pivot", "gravity", "coefficient"}
 
-
-def _rod(**numbers):
-    given = {"length": 1.0, "section": jaxrod.Uniform(0.025), "young": 1e7, "density": 1200.0} | numbers
-    return jaxrod.Rod(**given)
+_rod = functools.partial(make_rod, section=jaxrod.Uniform(0.025))
+_scene = functools.partial(scene, rod=_rod())
 
 
 def _lumped(**numbers):
     return jaxrod.Lumped(**{"inertia": 1.0, "first_moment": 1.0, "stiffness": 1.0, "length": 1.0} | numbers)
-
-
-def _scene(motion=None, basis=None, rod=None, **more):
-    return jaxrod.System(rod or _rod(), motion or jaxrod.Rotation(), basis or jaxrod.Ritz(1), **more)
 
 
 def _simulate(system=None, start=None, **keywords):
@@ -392,8 +388,8 @@ def test_strain_laws(law, match):
 
 
 def test_critical_rate_is_of_hookes_law():
-    scene = _scene(rod=_rod(law=jaxrod.law.green))
-    _refused(lambda: jaxrod.critical_rate(scene), r"law=green stiffens or softens with strain")
+    stiffening = _scene(rod=_rod(law=jaxrod.law.green))
+    _refused(lambda: jaxrod.critical_rate(stiffening), r"law=green stiffens or softens with strain")
     _refused(lambda: jaxrod.critical_rate(_scene(basis=jaxrod.Ritz(0))), r"Ritz\(0\) is rigid")
 
 
@@ -422,9 +418,9 @@ def test_a_thick_rod_is_told():
         jaxrod.natural_frequencies(_scene(rod=_rod(section=jaxrod.Uniform(0.4))))
 
 
-def test_questions_that_cannot_be_asked(cone):
+def test_questions_that_cannot_be_asked():
     """Of a plan, a trade-off and a horizon, before anything runs."""
-    system = jaxrod.System(cone, jaxrod.Rotation())
+    system = scene()
     start = system.state(rate=1.0)
     cases = [
         (lambda: jaxrod.plan(system, start, t1=-0.1, tolerance=1e-2), r"t1=-0.1 does not lie after t0=0"),

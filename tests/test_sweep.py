@@ -1,22 +1,20 @@
 """Sweeps: the same bits whatever block, order, devices and neighbours; what they refuse and say."""
 
-import dataclasses
-
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 from jaxrod import Result
 
-ROD = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), young=1e7, density=1200.0)
 RATES = np.linspace(3.0, 16.0, 37)
 
 
-def _scene(n=1, motion=None):
-    system = jaxrod.System(ROD, motion or jaxrod.Rotation(), jaxrod.Ritz(n), gravity=9.81)
+def _by_rate(n=1):
+    system = scene(basis=jaxrod.Ritz(n), gravity=9.81)
 
     def fn(rate):
         sol = jaxrod.simulate(system, system.state(rate=rate), t1=0.2)
@@ -33,7 +31,7 @@ def _same(a, b, which=slice(None)):
 @pytest.mark.parametrize("n", [1, 2])
 def test_bit_equal(n):
     """Blocks of 1 to 256, a shuffled order, one device and all."""
-    fn = _scene(n)
+    fn = _by_rate(n)
     first = jaxrod.sweep(fn, RATES)
     for options in ({"block": 1}, {"block": 17}, {"block": 256}, {"devices": 1}, {"devices": 1, "block": 8}):
         _same(jaxrod.sweep(fn, RATES, **options), first)
@@ -44,7 +42,7 @@ def test_bit_equal(n):
 
 
 def test_bit_equal_beside_a_lane_that_collapses():
-    system = jaxrod.System(ROD, jaxrod.Rotation(), gravity=9.81)
+    system = scene(gravity=9.81)
 
     def fn(rate, strain_rate):
         start = system.state(rate=rate, strain_rate=strain_rate)
@@ -64,14 +62,14 @@ def test_bit_equal_beside_a_lane_that_collapses():
 
 def test_whole_solutions_of_a_sweep_draw_no_warning():
     """A method whose steps may be as long as one likes says so by a number."""
-    system = jaxrod.System(ROD, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+    system = scene(gravity=9.81)
     runs = jaxrod.sweep(lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=0.1), RATES[:3])
     assert runs.ok.all() and np.isfinite(runs.stats["longest_step"]).all()
 
 
 def test_gradients_in_a_sweep():
     """Forward and reverse derivatives of each scene, as of one scene alone."""
-    fn = _scene()
+    fn = _by_rate()
 
     def strain(rate):
         return fn(rate)["strain"]
@@ -80,7 +78,7 @@ def test_gradients_in_a_sweep():
         end = jaxrod.simulate(system, system.state(rate=rate), t1=0.2, adjoint=diffrax.ForwardMode())
         return end.strain[-1]
 
-    system = jaxrod.System(ROD, jaxrod.Rotation(), gravity=9.81)
+    system = scene(gravity=9.81)
     swept = jaxrod.sweep(jax.value_and_grad(strain), RATES[:9])
     alone = [jax.grad(strain)(rate) for rate in RATES[:2]]
     np.testing.assert_allclose(swept[1][:2], alone, rtol=1e-11)
@@ -90,9 +88,9 @@ def test_gradients_in_a_sweep():
 
 
 @pytest.mark.parametrize("motion", [jaxrod.Spherical(), jaxrod.Driven(lambda t: 8 * t)], ids=["in space", "driven"])
-def test_bit_equal_with_rods_of_their_own(motion):
+def test_bit_equal_with_rods_of_their_own(cone, motion):
     def fn(young):
-        system = jaxrod.System(dataclasses.replace(ROD, young=young), motion, gravity=9.81)
+        system = scene(motion, gravity=9.81, rod=cone, young=young)
         driven = isinstance(motion, jaxrod.Driven)
         start = system.state() if driven else system.state(rate=6.0, azimuth_rate=2.0)
         return jaxrod.simulate(system, start, t1=0.1).tip[-1]
@@ -106,7 +104,7 @@ def test_bit_equal_with_rods_of_their_own(motion):
 def test_answers_of_no_numbers_and_of_many_results():
     out = jaxrod.sweep(lambda x: (jnp.zeros((0,)), x), jnp.arange(5.0))
     assert out[0].shape == (5, 0)
-    system = jaxrod.System(ROD, jaxrod.Rotation(), gravity=9.81)
+    system = scene(gravity=9.81)
 
     def twice(rate):
         sol = jaxrod.simulate(system, system.state(rate=rate), t1=0.1)

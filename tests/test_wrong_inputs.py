@@ -11,6 +11,7 @@ import re
 import warnings
 from typing import ClassVar
 
+import conftest
 import diffrax
 import jax
 import jax.numpy as jnp
@@ -31,17 +32,13 @@ TS = np.linspace(0.01, 0.05, 5)
 # ---- what calls are made on, made once
 
 
-def rod(**others):
-    return jaxrod.Rod(**{"length": 1.0, "section": jaxrod.Uniform(0.025), "young": 1e7, "density": 1200.0} | others)
+rod = functools.partial(conftest.make_rod, section=jaxrod.Uniform(0.025))
+made = functools.partial(conftest.scene, rod=rod())
 
 
 @functools.cache
 def body():
     return jaxrod.Lumped(inertia=1.0, first_moment=1.0, stiffness=1.0, length=1.0)
-
-
-def made(motion=None, basis=None, **others):
-    return jaxrod.System(rod(), motion or jaxrod.Rotation(), basis or jaxrod.Ritz(1), **others)
 
 
 @functools.cache
@@ -397,7 +394,7 @@ ROWS = [
     ("Profile: breaks none", lambda: jaxrod.Profile(lambda s: 1 + s, breaks=None), r"breaks=None must be a sequence", ValueError),
     # scenes
     ("System: nothing", lambda: jaxrod.System(), "missing", TypeError),
-    ("System: unknown keyword", lambda: made(friction=1.0), "friction", TypeError),
+    ("System: unknown keyword", lambda: jaxrod.System(rod(), jaxrod.Rotation(), friction=1.0), "friction", TypeError),
     ("System: rod a section", lambda: jaxrod.System(jaxrod.Uniform(1.0), jaxrod.Rotation()), r"rod=Uniform.*not a rod; give", ValueError),
     ("System: rod a scene", lambda: jaxrod.System(scene(), jaxrod.Rotation()), r"rod=System\(\.\.\.\) is not a rod; give", ValueError),
     ("System: motion text", lambda: jaxrod.System(rod(), "spin"), r"motion='spin' is not a motion; give", ValueError),

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import make_rod, scene
 
 import jaxrod
 from jaxrod.accuracy.ladder import on_rung
@@ -17,15 +18,15 @@ from jaxrod.continuum import closed_forms
 ANGLE = 28.9782615555
 
 
-def _scene(cone, basis):
-    system = jaxrod.System(cone, jaxrod.Rotation(), basis, gravity=9.81)
+def _sudden(n):
+    system = scene(basis=jaxrod.Ritz(n), gravity=9.81)
     return system, system.state(rate=15.0)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("basis", [jaxrod.Ritz(1), jaxrod.Ritz(3)], ids=["1", "3"])
-def test_angle_of_the_exact_rod(cone, basis):
-    system, start = _scene(cone, basis)
+@pytest.mark.parametrize("n", [1, 3])
+def test_angle_of_the_exact_rod(n):
+    system, start = _sudden(n)
     budget = jaxrod.simulate(system, start, t1=2.0, budget=jaxrod.FinalAngle()).budget
     off = abs(float(budget.value) - ANGLE)
     assert bool(budget.bounded) and off < float(budget.bound) < 3 * off
@@ -33,8 +34,8 @@ def test_angle_of_the_exact_rod(cone, basis):
     assert "rad ±" in str(budget) and "bending" in str(budget)
 
 
-def test_first_frequency_against_the_exact_one(cone):
-    system, start = _scene(cone, jaxrod.Ritz(1))
+def test_first_frequency_against_the_exact_one():
+    system, start = _sudden(1)
     budget = jaxrod.simulate(system, start, t1=0.01, budget=jaxrod.FirstFrequency()).budget
     exact = 120.88186175927 / (2 * np.pi)
     np.testing.assert_allclose(budget.model, abs(float(budget.value) - exact), rtol=1e-9)
@@ -45,16 +46,16 @@ def test_first_frequency_of_cones_in_closed_form():
     """The bound is the error, to the rounding that it allows for: on the rung that is nearest too."""
     for motion, form in ((jaxrod.Rotation(), closed_forms.held_free), (jaxrod.Flight(), closed_forms.free_free)):
         for tip in (0.01, 0.03, 0.06):
-            rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, tip), young=1e7, density=1200.0)
-            system = jaxrod.System(rod, motion, jaxrod.LoadRitz(3))
+            rod = make_rod(section=jaxrod.Cone(0.02, tip))
+            system = scene(motion, jaxrod.LoadRitz(3), rod=rod)
             budget = jaxrod.simulate(system, system.state(), t1=1e-3, budget=jaxrod.FirstFrequency()).budget
             off = abs(budget.value - form(jnp.asarray(0.02), jnp.asarray(tip), 1)[0] * rod.wave_speed / (2 * np.pi))
             assert off <= budget.bound <= max(10 * off, 1e-12)
 
 
-def test_more_shapes_that_agree_by_chance_are_not_the_truth(cone):
+def test_more_shapes_that_agree_by_chance_are_not_the_truth():
     """What is left beyond the shapes that were tried is never taken for nothing: errors may fall as slowly as 1 / n."""
-    system, start = _scene(cone, jaxrod.Ritz(3))
+    system, start = _sudden(3)
     budget = jaxrod.simulate(system, start, t1=0.5, budget=jaxrod.FinalTip()).budget
     most = jaxrod.simulate(*on_rung(system, start, jaxrod.LoadRitz(9)), t1=0.5, tolerance=1e-10)
     changed = jnp.abs(budget.value - most.tip[-1])
@@ -63,10 +64,10 @@ def test_more_shapes_that_agree_by_chance_are_not_the_truth(cone):
 
 
 @pytest.mark.slow
-def test_driven_near_the_critical_rate_against_the_exact_rod(cone):
+def test_driven_near_the_critical_rate_against_the_exact_rod():
     """A kink in the strain, amplified: the exact rod is inside the bound, and the bound within ten times the error."""
-    rate = 0.9 * jaxrod.continuum.critical_rate(jaxrod.System(cone, jaxrod.Rotation()))
-    system = jaxrod.System(cone, jaxrod.scenes.steady(rate), jaxrod.Ritz(2), gravity=9.81)
+    rate = 0.9 * jaxrod.continuum.critical_rate(scene())
+    system = scene(jaxrod.scenes.steady(rate), jaxrod.Ritz(2), gravity=9.81)
     budget = jaxrod.simulate(system, system.state(), t1=0.3, budget=jaxrod.FinalTip()).budget
     true = jaxrod.continuum.simulate(system, system.state(), ts=jnp.array([0.3]), modes=32, error=False)
     off = jnp.abs(budget.value - true.tip[-1])
@@ -81,18 +82,18 @@ def test_a_finer_run_that_fails_is_no_lost_phase():
     assert "no bound: the phase is lost" in str(lost) and np.isinf(lost.bound)
 
 
-def test_steps_that_are_too_long_are_seen(cone):
+def test_steps_that_are_too_long_are_seen():
     """With few steps the error of the steps is the largest part, and is what it is said to be."""
-    system, start = _scene(cone, jaxrod.Ritz(3))
+    system, start = _sudden(3)
     coarse = jaxrod.simulate(system, start, t1=0.5, n_steps=25, solver=jaxrod.ABA864(), budget=jaxrod.FinalTip())
     fine = jaxrod.simulate(system, start, t1=0.5, tolerance=1e-12)
     np.testing.assert_allclose(coarse.budget.step, jnp.abs(coarse.tip[-1] - fine.tip[-1]), rtol=1e-6)
     assert jnp.max(coarse.budget.step) > 1e-7
 
 
-def test_a_lost_phase_has_no_bound(cone):
+def test_a_lost_phase_has_no_bound():
     """Ten seconds after a sudden start uniform strain is more than a radian behind the rod."""
-    system, start = _scene(cone, jaxrod.Ritz(1))
+    system, start = _sudden(1)
     budget = jaxrod.simulate(system, start, t1=10.0, budget=jaxrod.FinalAngle()).budget
     assert not bool(budget.bounded) and np.isinf(budget.bound)
     assert "no bound" in str(budget)
@@ -103,7 +104,7 @@ def test_beyond_the_horizon_there_is_no_bound(quantity):
     """A spring pendulum in 1 : 2 resonance: starts 1e-12 apart part for good after 90 s, where runs agree by chance."""
     area = np.pi * 0.025**2
     spring = jaxrod.Lumped(inertia=400 * area, first_moment=600 * area, stiffness=17658 * area, length=1.0)
-    system = jaxrod.System(spring, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81)
+    system = scene(rod=spring, gravity=9.81)
     start = system.state(angle=-1.5708, strain=0.3333, rate=2.7, strain_rate=-4.8)
 
     def run(t1, **steps):
@@ -126,9 +127,9 @@ def test_own_quantities_and_lumped_bodies():
 
 
 @pytest.mark.slow
-def test_budgets_under_vmap(cone):
+def test_budgets_under_vmap():
     """Of many scenes at once, as of one."""
-    system, _ = _scene(cone, jaxrod.Ritz(2))
+    system, _ = _sudden(2)
 
     def parts(rate):
         budget = jaxrod.simulate(system, system.state(rate=rate), t1=0.2, budget=jaxrod.FinalAngle()).budget
@@ -141,9 +142,9 @@ def test_budgets_under_vmap(cone):
 
 
 @pytest.mark.parametrize("pivot", [0.0, 0.3])
-def test_a_richer_rung_keeps_the_strain(cone, pivot):
+def test_a_richer_rung_keeps_the_strain(pivot):
     """Uniform strain is uniform in every basis that has it, and the nearest field elsewhere."""
-    system = jaxrod.System(cone, jaxrod.Rotation(pivot), jaxrod.Ritz(1))
+    system = scene(jaxrod.Rotation(pivot))
     start = system.state(rate=3.0, strain=0.02, strain_rate=0.5)
     for basis, tolerance in ((jaxrod.Ritz(4), 1e-12), (jaxrod.LoadRitz(6), 0.1)):  # whose tips are free of stress
         raised, state = on_rung(system, start, basis)
@@ -155,13 +156,13 @@ def test_a_richer_rung_keeps_the_strain(cone, pivot):
 
 
 @pytest.mark.slow
-def test_several_quantities_share_their_runs(cone, monkeypatch):
+def test_several_quantities_share_their_runs(monkeypatch):
     """Each has the budget that it has alone; the finer runs are made once, and not for what is known without them."""
     made, real = [], sys.modules["jaxrod.accuracy.error_budget"].finer_runs
     monkeypatch.setattr(
         sys.modules["jaxrod.accuracy.error_budget"], "finer_runs", lambda *given: [made.append(given), real(*given)][1]
     )
-    system, start = _scene(cone, jaxrod.Ritz(1))
+    system, start = _sudden(1)
 
     def budget(asked):
         return jaxrod.simulate(system, start, t1=0.1, budget=asked).budget
@@ -175,9 +176,9 @@ def test_several_quantities_share_their_runs(cone, monkeypatch):
 
 
 @pytest.mark.slow
-def test_the_largest_of_a_run_is_looked_for(cone):
+def test_the_largest_of_a_run_is_looked_for():
     """Given its end alone, a run is looked at where the quantity wants it; and several may be asked for at once."""
-    system, start = _scene(cone, jaxrod.Ritz(3))
+    system, start = _sudden(3)
     asked = [jaxrod.LargestStrain(), jaxrod.FinalTip()]
     largest, tip = jaxrod.simulate(system, start, t1=0.1, budget=asked).budget
     sol = jaxrod.simulate(system, start, ts=asked[0].times(0.0, 0.1), budget=asked[0])
@@ -187,9 +188,9 @@ def test_the_largest_of_a_run_is_looked_for(cone):
 
 
 @pytest.mark.parametrize("quantity", ["tip", True, jaxrod.FinalTip, 3.0], ids=str)
-def test_no_quantity(cone, quantity):
+def test_no_quantity(quantity):
     """Said before anything runs."""
-    system, start = _scene(cone, jaxrod.Ritz(1))
+    system, start = _sudden(1)
     calls = [
         lambda: jaxrod.simulate(system, start, t1=0.1, budget=quantity),
         lambda: jaxrod.plan(system, start, t1=0.1, tolerance=1e-2, quantity=quantity),
@@ -200,28 +201,28 @@ def test_no_quantity(cone, quantity):
             call()
 
 
-def test_whole_numbers_are_a_quantity(cone):
-    system, start = _scene(cone, jaxrod.Ritz(1))
+def test_whole_numbers_are_a_quantity():
+    system, start = _sudden(1)
     budget = jaxrod.simulate(system, start, t1=0.1, budget=lambda sol: jnp.argmax(sol.angle)).budget
     assert budget.value == 0.0 and budget.bound < 1e-9
 
 
 @pytest.mark.slow
-def test_a_tip_force_is_held_by_the_richer_rungs(cone):
+def test_a_tip_force_is_held_by_the_richer_rungs():
     """Shapes that loads make have no tension at a free tip: against them a steady pull would have too wide a bound."""
-    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.ForceRitz(3), forces=[jaxrod.TipForce(50.0)])
+    system = scene(basis=jaxrod.ForceRitz(3), forces=[jaxrod.TipForce(50.0)])
     start = jaxrod.ladder.at_rest(system, system.state())
     budget = jaxrod.simulate(system, start, t1=0.05, budget=jaxrod.FinalTip()).budget
     assert jnp.max(budget.model) < 1e-9
 
 
 @pytest.mark.slow
-def test_a_run_that_stops_has_no_bound(cone):
+def test_a_run_that_stops_has_no_bound():
     """Whatever it was worth where it stopped; and where richer rungs stop, which are pressed through themselves."""
-    system, start = _scene(cone, jaxrod.Ritz(1))
+    system, start = _sudden(1)
     cut = jaxrod.simulate(system, start, t1=1.0, max_steps=3, throw=False, budget=jaxrod.FinalAngle()).budget
     assert np.isfinite(cut.value) and np.isinf(cut.bound) and "did not reach its end" in str(cut)
-    fast = jaxrod.System(cone, jaxrod.Rotation())
+    fast = scene()
     spun = fast.state(rate=3 * jaxrod.continuum.critical_rate(fast))
     budget = jaxrod.simulate(fast, spun, t1=0.87, budget=lambda sol: sol.energy[-1]).budget
     assert np.isinf(budget.bound) and np.isfinite(budget.step) and "did not reach its end" in str(budget)
@@ -229,7 +230,7 @@ def test_a_run_that_stops_has_no_bound(cone):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("at", [-0.1, 1.1, np.nan])
-def test_a_section_that_is_not_there(cone, at):
-    system, start = _scene(cone, jaxrod.Ritz(1))
+def test_a_section_that_is_not_there(at):
+    system, start = _sudden(1)
     with pytest.raises(ValueError, match="at="):
         jaxrod.simulate(system, start, t1=0.01, budget=jaxrod.LargestStrain(at=at))

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.special
+from conftest import scene
 
 import jaxrod
 from jaxrod import continuum
@@ -22,14 +23,13 @@ from jaxrod.rods.section import AbstractSection
 ROOT = jaxrod.Rotation()
 
 
-def scene(section, motion=ROOT, **numbers):
+def unit(section, motion=ROOT, **numbers):
     """Length, modulus and density 1 unless given: kappa = omega."""
-    rod = jaxrod.Rod(section=section, **({"length": 1.0, "young": 1.0, "density": 1.0} | numbers))
-    return jaxrod.System(rod, motion)
+    return scene(motion, section=section, **({"young": 1.0, "density": 1.0} | numbers))
 
 
 def cone(r, R, motion=ROOT, **numbers):
-    return scene(jaxrod.Cone(r, R), motion, **numbers)
+    return unit(jaxrod.Cone(r, R), motion, **numbers)
 
 
 def omega(system, n):
@@ -130,7 +130,7 @@ def test_tip_mass(radii, figures):
 @pytest.mark.parametrize("ratio", [0.0, 0.3, 20.0])
 def test_tip_mass_in_flight(ratio):
     """(rho A) tan kappa = -M kappa: of the uniform rod, free at both ends."""
-    system = scene(jaxrod.Uniform(0.3), jaxrod.Flight(), tip_mass=ratio * np.pi * 0.3**2)
+    system = unit(jaxrod.Uniform(0.3), jaxrod.Flight(), tip_mass=ratio * np.pi * 0.3**2)
     close(omega(system, 4), bisect(lambda k: np.sin(k) + ratio * k * np.cos(k), 4), 1e-12)
 
 
@@ -210,13 +210,13 @@ def test_steady_spin_of_cones():
         k = fraction * float(continuum.critical_rate(system))
         close(continuum.steady_spin(system, k), steady_tip_of_cone(*radii, k), 1e-12)
     # In units of one's own: K = 15 rad/s * 0.5 m / (91.3 m/s).
-    system = cone(0.02, 0.03, length=0.5, young=1e7, density=1200.0)
+    system = scene(length=0.5)
     want = 0.5 * steady_tip_of_cone(0.02, 0.03, 15.0 * 0.5 / np.sqrt(1e7 / 1200.0))
     close(continuum.steady_spin(system, 15.0), want, 1e-11)  # the formula cancels
 
 
 def test_spin_where_it_ends_and_where_it_begins():
-    system = scene(jaxrod.Uniform(1.0))
+    system = unit(jaxrod.Uniform(1.0))
     tip = functools.partial(continuum.steady_spin, system)
     assert float(tip(0.0)) == 0.0
     close(jax.jacfwd(jax.grad(tip))(0.0), 2 / 3, 1e-10)  # tan K / K - 1 = K^2 / 3 + ...
@@ -232,16 +232,16 @@ def test_spin_where_it_ends_and_where_it_begins():
 
 def test_spin_elsewhere():
     """A uniform rod in flight, or held in the middle, is two rods of half the length held at their roots."""
-    half = scene(jaxrod.Uniform(1.0), length=0.5)
+    half = unit(jaxrod.Uniform(1.0), length=0.5)
     for motion in (jaxrod.Flight(), jaxrod.Rotation(0.5)):
-        whole = scene(jaxrod.Uniform(1.0), motion)
+        whole = unit(jaxrod.Uniform(1.0), motion)
         close(continuum.steady_spin(whole, 2.0), continuum.steady_spin(half, 2.0), 1e-12)
         # Both halves stretch together, and their inertia with them.
         slowed = continuum.spinning_frequencies(half, 2.0, 1, free=True)[0]
         found = np.asarray(continuum.spinning_frequencies(whole, 2.0, 3, free=True))
         assert np.min(np.abs(found / slowed - 1)) < 1e-12
     # Much inertia at the tip keeps the rate as prescribed.
-    flywheel = scene(jaxrod.Uniform(1.0), tip_mass=0.1, tip_inertia=1e9)
+    flywheel = unit(jaxrod.Uniform(1.0), tip_mass=0.1, tip_inertia=1e9)
     free, prescribed = (continuum.spinning_frequencies(flywheel, 1.0, 2, free=free) for free in (True, False))
     close(free, prescribed, 1e-6)
     assert abs(free[0] / continuum.natural_frequencies(flywheel, 1)[0] - 1) > 0.1
@@ -256,7 +256,7 @@ def stepped(motion=ROOT, **numbers):
         jaxrod.PiecewiseConstant([0.4], values) if np.ndim(values) else values
         for values in (numbers.get("area", [1.0, 1.0]), numbers.get("young", 1.0), numbers.get("density", 1.0))
     )
-    return scene(area, motion, young=young, density=density)
+    return unit(area, motion, young=young, density=density)
 
 
 def steps_equation(area, young, density):
@@ -286,7 +286,7 @@ def test_exponential_profile():
     """A = exp(a s): w = exp(a s / 2) u obeys w'' + (omega^2 - a^2 / 4) w = 0, so tan q = 2 q / a at a free tip."""
     a = 1.0
     q = bisect(lambda q: a / 2 * np.sin(q) - q * np.cos(q), 5)
-    close(omega(scene(lambda s: jnp.exp(a * s)), 5), np.sqrt(q**2 + a**2 / 4), 1e-12)
+    close(omega(unit(lambda s: jnp.exp(a * s)), 5), np.sqrt(q**2 + a**2 / 4), 1e-12)
 
 
 def test_tables():
@@ -296,7 +296,7 @@ def test_tables():
     with jax.numpy_rank_promotion("allow"):  # interpax promotes
         for points in (5, 33):
             s = np.linspace(0.0, 1.0, points)
-            errors.append(np.abs(omega(scene(jaxrod.Table(s, radii=0.02 + 0.01 * s)), 2) / exact - 1))
+            errors.append(np.abs(omega(unit(jaxrod.Table(s, radii=0.02 + 0.01 * s)), 2) / exact - 1))
     assert np.all(errors[1] < 1e-7) and np.all(errors[1] < errors[0] / 8**2)
 
 
@@ -341,7 +341,7 @@ def test_derivatives(kind):
 @pytest.mark.parametrize("jacobian", [jax.jacfwd, jax.jacrev])
 def test_derivatives_where_frequencies_coincide(jacobian):
     """A uniform rod held at p: (k - 1/2) / 2 over the length of either part.  Also with a part of no length."""
-    function = lambda p: continuum.natural_frequencies(scene(jaxrod.Uniform(0.02), jaxrod.Rotation(p)), 4)  # noqa: E731
+    function = lambda p: continuum.natural_frequencies(unit(jaxrod.Uniform(0.02), jaxrod.Rotation(p)), 4)  # noqa: E731
     slopes = jax.jit(jacobian(function))
     f = np.array([0.5, 1.5]) / 2
     slope = np.asarray(slopes(0.5)).reshape(2, 2)
@@ -356,10 +356,10 @@ def test_derivatives_where_frequencies_coincide(jacobian):
 
 def test_derivative_at_no_tip_mass():
     """d omega / omega = -u_tip^2 dM / (2 int rho A u^2): -1 / (rho A l) of the uniform rod, every mode alike."""
-    unit = scene(lambda s: jnp.ones_like(s), tip_mass=0.0)
+    system = unit(lambda s: jnp.ones_like(s), tip_mass=0.0)
 
     def log(tip_mass):
-        return jnp.log(continuum.natural_frequencies(eqx.tree_at(lambda x: x.rod.tip_mass, unit, tip_mass), 3))
+        return jnp.log(continuum.natural_frequencies(eqx.tree_at(lambda x: x.rod.tip_mass, system, tip_mass), 3))
 
     np.testing.assert_allclose(jax.jit(jax.jacrev(log))(0.0), -1.0, rtol=1e-7)
 
@@ -370,7 +370,7 @@ def test_derivatives_of_a_table():
 
     def log(p):
         section = jaxrod.Table(p[0] * s, radii=p[1] * jnp.array([0.02, 0.026, 0.03]))
-        return jnp.log(continuum.natural_frequencies(scene(section, length=p[0]), 2))
+        return jnp.log(continuum.natural_frequencies(unit(section, length=p[0]), 2))
 
     with jax.numpy_rank_promotion("allow"):
         slope = jax.jit(jax.jacrev(log))(jnp.array([1.0, 1.0]))
@@ -383,7 +383,7 @@ def test_derivatives_of_a_table_with_a_point_on_a_break():
     def log(position):
         section = jaxrod.Table(jnp.stack([0.0, position, 1.0]), radii=[0.02, 0.03, 0.01])
         return jnp.log(
-            continuum.natural_frequencies(scene(section, young=jaxrod.PiecewiseConstant([0.3], [1.0, 4.0])), 2)
+            continuum.natural_frequencies(unit(section, young=jaxrod.PiecewiseConstant([0.3], [1.0, 4.0])), 2)
         )
 
     with jax.numpy_rank_promotion("allow"):
@@ -431,11 +431,11 @@ def test_single_precision():
     system = cone(f(0.02), f(0.03), length=f(1.0), young=f(1e7), density=f(1200.0))
     got = continuum.natural_frequencies(system, 3)
     assert got.dtype == jnp.float32
-    close(got, continuum.natural_frequencies(cone(0.02, 0.03, young=1e7, density=1200.0), 3), 1e-5)
+    close(got, continuum.natural_frequencies(scene(), 3), 1e-5)
 
 
 def test_refusals():
-    lumped = jaxrod.System(jaxrod.Lumped(1.0, 1.0, 1.0, 1.0), ROOT)
+    lumped = scene(rod=jaxrod.Lumped(1.0, 1.0, 1.0, 1.0))
     for function in (
         lambda s: continuum.natural_frequencies(s, 1),
         lambda s: continuum.steady_spin(s, 1.0),
@@ -456,7 +456,7 @@ def test_refusals():
         (cone(1.0, 2.0, jaxrod.Rotation(0.5)), "held at its root"),
         (cone(1.0, 2.0, tip_mass=1.0), "leave out tip_mass="),
         (stepped(), "of one material|needs section=Uniform"),
-        (scene(jaxrod.Uniform(1.0), young=jaxrod.PiecewiseConstant([0.5], [1.0, 2.0])), "of one material"),
+        (unit(jaxrod.Uniform(1.0), young=jaxrod.PiecewiseConstant([0.5], [1.0, 2.0])), "of one material"),
     ):
         with pytest.raises(ValueError, match=message):
             continuum.release(system, 0.01, np.ones(1))
@@ -493,7 +493,7 @@ DRIVEN = jaxrod.Driven(lambda t: t)
 )
 def test_bending_of_the_uniform_rod(motion, equation):
     known = {"hinged": [3.9266, 7.0686], "free": [4.7300, 7.8532], "clamped": [1.8751, 4.6941]}
-    system = scene(jaxrod.Uniform(0.02), motion)
+    system = unit(jaxrod.Uniform(0.02), motion)
     kappa = bisect(lambda k: equation(k) / np.cosh(k), 4, 1e-2)
     kappa = kappa[kappa > 0.1]
     np.testing.assert_allclose(kappa[:2], known[neglected.model_limits(system).support], atol=5e-5)
@@ -503,8 +503,8 @@ def test_bending_of_the_uniform_rod(motion, equation):
 def test_bending_held_inside():
     """Hinged in the middle: two clamped halves in step, and the free rod's odd mode.  Clamped: two halves."""
     uniform = jaxrod.Uniform(0.02)
-    close(bending(scene(uniform, jaxrod.Rotation(0.5))), [2 * 1.8751040687119611, 7.853204624095838], 1e-10)
-    clamped = scene(uniform, jaxrod.Driven(lambda t: t, pivot=0.5))
+    close(bending(unit(uniform, jaxrod.Rotation(0.5))), [2 * 1.8751040687119611, 7.853204624095838], 1e-10)
+    clamped = unit(uniform, jaxrod.Driven(lambda t: t, pivot=0.5))
     close(bending(clamped), [2 * 1.8751040687119611] * 2, 1e-10)
 
 
@@ -527,7 +527,7 @@ def test_bending_with_a_body_at_the_tip(mass, inertia):
         return (shear[0] * moment[1] - shear[1] * moment[0]) / k**5 / C**2
 
     whole = np.pi * 0.02**2
-    system = scene(jaxrod.Uniform(0.02), DRIVEN, tip_mass=mass * whole, tip_inertia=inertia * whole)
+    system = unit(jaxrod.Uniform(0.02), DRIVEN, tip_mass=mass * whole, tip_inertia=inertia * whole)
     close(bending(system), bisect(determinant, 2, 1e-2), 1e-10)
 
 
@@ -548,7 +548,7 @@ def finite_elements(r, R, elements=80):
 
 
 def test_the_paper_s_rod():
-    found = neglected.model_limits(cone(0.02, 0.03, young=1e7, density=1200.0))
+    found = neglected.model_limits(scene())
     np.testing.assert_allclose(found.bending_frequencies, finite_elements(0.02, 0.03), rtol=1e-6)
     close(found.axial_frequency, 120.88186175927335 / (2 * np.pi), 1e-12)
     close(found.slenderness, 80.0, 1e-12)
@@ -562,7 +562,7 @@ def test_lateral_inertia_of_the_uniform_rod():
     """nu^2 kappa^2 r^2 / (4 l^2) to first order, for any support."""
     for motion, kappa in ((ROOT, np.pi / 2), (jaxrod.Flight(), np.pi), (jaxrod.Rotation(0.5), np.pi)):
         small = 0.5**2 * kappa**2 * 0.01**2 / 4
-        found = neglected.model_limits(scene(jaxrod.Uniform(0.01), motion)).lateral_inertia
+        found = neglected.model_limits(unit(jaxrod.Uniform(0.01), motion)).lateral_inertia
         close(found, 1 - 1 / np.sqrt(1 + 2 * small), 1e-10)
         close(found, small, 1e-3)
 
@@ -580,7 +580,7 @@ class Flat(AbstractSection):
 
 
 def test_a_section_with_its_own_second_moment():
-    found = neglected.model_limits(scene(Flat()))
+    found = neglected.model_limits(unit(Flat()))
     gyration = 0.002 / np.sqrt(12)
     close(found.bending_frequencies[0], 3.926602312047919**2 * gyration / (2 * np.pi), 1e-10)
     close(found.slenderness, 1 / gyration, 1e-12)

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 from jaxrod import continuum
@@ -19,10 +20,9 @@ from jaxrod.accuracy.ladder import on_rung
 STILL = jaxrod.Driven(lambda t: 0.0 * t)
 
 
-def unit(section, motion, basis=None, forces=(), gravity=None, **numbers):
+def unit(section, motion=None, basis=None, **others):
     """Length, modulus and density 1 unless given: time in travel times of a wave."""
-    rod = jaxrod.Rod(section=section, **({"length": 1.0, "young": 1.0, "density": 1.0} | numbers))
-    return jaxrod.System(rod, motion, basis, gravity, forces)
+    return scene(motion, basis, section=section, **({"young": 1.0, "density": 1.0} | others))
 
 
 def off(got, want):
@@ -63,7 +63,7 @@ ROTORS = {
 def test_rotor(name):
     """Figure 2 and its uniform rod, from rest and from the static stretch, to all digits that are known."""
     (section, radii), angle, static, known, *figures = ROTORS[name]
-    system = unit(section(*radii), jaxrod.Rotation(), gravity=9.81, young=1e7, density=1200.0)
+    system = scene(gravity=9.81, section=section(*radii))
     start = system.state(angle=angle, rate=15.0)
     sol = continuum.simulate(system, start, ts=jnp.array(ROTOR_TIMES), static=static, modes=128)
     errors = [off(got, want) for got, want in zip((sol.angle, sol.rate, sol.tip_stretch), figures, strict=True)]
@@ -75,7 +75,7 @@ def test_rotor(name):
 def test_error_bounds_the_error():
     """Half the modes change more than what is wrong with all of them; the tip gains three powers of their number."""
     (section, radii), angle, _, _, *figures = ROTORS["uniform"]
-    system = unit(section(*radii), jaxrod.Rotation(), gravity=9.81, young=1e7, density=1200.0)
+    system = scene(gravity=9.81, section=section(*radii))
     start, tips = system.state(angle=angle, rate=15.0), []
     for modes in (8, 32):
         sol = continuum.simulate(system, start, ts=jnp.array(ROTOR_TIMES), modes=modes)
@@ -157,12 +157,8 @@ def test_release(radii):
     assert off(sol.tip_stretch, tip) < 0.21 / 64
     assert off(sol.states.amplitudes @ sol.waves.lever, moment) < 1e-6 * max(np.abs(moment))
     # the series of as many terms is the same thing, found otherwise
-    assert off(sol.tip_stretch, continuum.release(system_of(radii), 1.0, jnp.array(TAUS), n=64)) < 1e-5
-    assert off(continuum.release(system_of(radii), 1.0, jnp.array(TAUS), n=400), tip) < 0.21 / 400
-
-
-def system_of(radii):
-    return unit(jaxrod.Cone(*radii), jaxrod.Rotation())
+    assert off(sol.tip_stretch, continuum.release(unit(jaxrod.Cone(*radii)), 1.0, jnp.array(TAUS), n=64)) < 1e-5
+    assert off(continuum.release(unit(jaxrod.Cone(*radii)), 1.0, jnp.array(TAUS), n=400), tip) < 0.21 / 400
 
 
 @pytest.mark.slow
@@ -194,7 +190,7 @@ def test_release_of_a_uniform_rod():
 def test_step_load():
     """A force suddenly at the tip stretches it to twice the static displacement, and back to none."""
     ts, area = jnp.linspace(0.1, 8.0, 80), np.pi * 0.3**2
-    system = unit(jaxrod.Uniform(0.3), jaxrod.Rotation(), forces=[jaxrod.TipForce(0.01 * area)])
+    system = unit(jaxrod.Uniform(0.3), forces=[jaxrod.TipForce(0.01 * area)])
     sol = continuum.simulate(system, system.state(), ts=ts, modes=64, tolerance=1e-11)
     static = 0.01
     assert off(sol.tip_stretch / static, 1 - triangle(ts)) < 0.21 / 64
@@ -212,7 +208,7 @@ def test_slow_load():
     """A force that grows over hundreds of periods is followed as if at rest."""
     area = np.pi * 0.3**2
     pull = jaxrod.TipForce(lambda t, state: 0.01 * area * jnp.sin(t * jnp.pi / 800) ** 2)
-    system = unit(jaxrod.Uniform(0.3), jaxrod.Rotation(), forces=[pull])
+    system = unit(jaxrod.Uniform(0.3), forces=[pull])
     ts = jnp.linspace(100.0, 400.0, 4)
     sol = continuum.simulate(system, system.state(), ts=ts, modes=8, tolerance=1e-9)
     assert off(sol.tip_stretch, 0.01 * np.sin(np.asarray(ts) * np.pi / 800) ** 2) < 1e-6
@@ -222,7 +218,7 @@ def test_slow_load():
 def test_flight_and_middle_pivot_are_two_halves():
     """A uniform rod in flight, or held in the middle, turns and stretches as one of half its length held at the root."""
     ts = jnp.array([0.5, 1.0, 3.0])
-    half = unit(jaxrod.Uniform(0.3), jaxrod.Rotation(), length=0.5)
+    half = unit(jaxrod.Uniform(0.3), length=0.5)
     want = continuum.simulate(half, half.state(angle=0.2, rate=1.5, strain=0.02), ts=ts, modes=32)
     for motion, gravity in ((jaxrod.Flight(), 3.0), (jaxrod.Rotation(0.5), None)):
         whole = unit(jaxrod.Uniform(0.3), motion, gravity=gravity)
@@ -266,9 +262,7 @@ def test_free_free_release():
 
 
 def test_spherical_is_rotation_for_a_planar_start():
-    ts, numbers = jnp.linspace(0.05, 0.3, 6), {"young": 1e7, "density": 1200.0, "gravity": 9.81}
-    plane = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), **numbers)
-    space = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Spherical(), **numbers)
+    ts, plane, space = jnp.linspace(0.05, 0.3, 6), scene(gravity=9.81), scene(jaxrod.Spherical(), gravity=9.81)
     flat = continuum.simulate(plane, plane.state(angle=0.3, rate=9.0, strain=0.01), ts=ts, modes=16, error=False)
     sol = continuum.simulate(
         space, space.state(angle=0.3, rate=9.0, azimuth=0.7, strain=0.01), ts=ts, modes=16, error=False
@@ -283,7 +277,7 @@ def test_spherical_is_rotation_for_a_planar_start():
 def test_what_is_conserved_in_space():
     ts = jnp.linspace(0.1, 0.5, 5)
     for gravity in (None, 9.81):
-        system = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Spherical(), gravity=gravity, young=1e7, density=1200.0)
+        system = scene(jaxrod.Spherical(), gravity=gravity)
         start = system.state(angle=0.3, rate=6.0, azimuth=0.4, azimuth_rate=11.0, strain=0.02)
         sol = continuum.simulate(system, start, ts=ts, modes=32)
         momentum = np.asarray(sol.angular_momentum)
@@ -313,8 +307,8 @@ STEPPED = jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3])
 def test_breaks_pivot_and_tip_body():
     """All at once: a step in area, another in modulus, a pivot inside, a body at the tip with inertia, gravity."""
     young = jaxrod.PiecewiseConstant([0.7], [1e7, 3e7])
-    numbers = {"young": young, "density": 1200.0, "tip_mass": 0.5, "tip_inertia": 0.01}
-    system = unit(STEPPED, jaxrod.Rotation(0.15), jaxrod.Ritz(12), gravity=9.81, **numbers)
+    numbers = {"section": STEPPED, "young": young, "tip_mass": 0.5, "tip_inertia": 0.01}
+    system = scene(jaxrod.Rotation(0.15), jaxrod.Ritz(12), gravity=9.81, **numbers)
     angle, rate, tip = compared(system, system.state(angle=0.3, rate=10.0, strain=0.001), jnp.array([0.05, 0.1]))
     assert angle < 2e-7 and rate < 1e-3 and tip < 2e-5
 
@@ -324,23 +318,20 @@ def test_tip_force_in_space():
     """One that keeps its direction, growing: it turns the rod, stretches it and pulls it along."""
     for motion in (jaxrod.Rotation(), jaxrod.Flight()):
         pull = jaxrod.TipForce(lambda t, state: jnp.array([30.0, 40.0]) * jnp.sin(20 * t) ** 3 * (1 + state.strain))
-        system = unit(jaxrod.Cone(0.02, 0.03), motion, jaxrod.ForceRitz(8), (pull,), 9.81, young=1e7, density=1200.0)
+        system = scene(motion, jaxrod.ForceRitz(8), 9.81, (pull,))
         angle, rate, tip = compared(system, system.state(rate=3.0), jnp.array([0.05, 0.1]))
         assert angle < 1e-6 and rate < 1e-4 and tip < 1e-6
 
 
 @pytest.mark.slow
 def test_other_strain_laws():
-    system = unit(
-        jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), jaxrod.Ritz(8), gravity=9.81, young=1e7, density=1200.0,
-        law=jaxrod.law.neo_hookean,
-    )  # fmt: skip
+    system = scene(basis=jaxrod.Ritz(8), gravity=9.81, law=jaxrod.law.neo_hookean)
     ts = jnp.array([0.05, 0.1])
     angle, rate, tip = compared(system, system.state(rate=15.0), ts, modes=24)
     assert angle < 2e-6 and rate < 1e-3 and tip < 1e-4
     sol = continuum.simulate(system, system.state(rate=15.0), ts=ts, modes=24, error=False)
     assert np.ptp(sol.energy) < 1e-9 * abs(sol.energy[0])
-    hooke = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), gravity=9.81, young=1e7, density=1200.0)
+    hooke = scene(gravity=9.81)
     linear = continuum.simulate(hooke, hooke.state(rate=15.0), ts=ts, modes=24, error=False)
     assert off(sol.tip_stretch, linear.tip_stretch) > 1e-4
 
@@ -381,7 +372,7 @@ def test_strain_of_the_start():
 
 @pytest.mark.slow
 def test_converged():
-    system = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), gravity=9.81, young=1e7, density=1200.0)
+    system = scene(gravity=9.81)
     start, ts = system.state(rate=15.0), jnp.array([0.05, 0.1])
     sol = continuum.converged(system, start, ts=ts, change=1e-9, quantity=lambda sol: sol.angle, modes=4)
     assert sol.waves.omega.size in (16, 32) and sol.error.angle.max() < 1e-9
@@ -397,7 +388,7 @@ def test_transformed(caplog):
     ts = jnp.array([0.05, 0.1])
 
     def run(young, rate):
-        system = unit(jaxrod.Cone(0.02, 0.03), jaxrod.Rotation(), gravity=9.81, young=young, density=1200.0)
+        system = scene(gravity=9.81, young=young)
         sol = continuum.simulate(system, system.state(rate=rate), ts=ts, modes=8, error=False)
         return sol.angle, sol.ok
 
@@ -411,7 +402,7 @@ def test_transformed(caplog):
 
 
 def test_says_what_it_is():
-    system = unit(jaxrod.Uniform(0.3), jaxrod.Rotation())
+    system = unit(jaxrod.Uniform(0.3))
     sol = continuum.simulate(system, system.state(rate=0.1), ts=jnp.array([1.0]), modes=4)
     assert "1 times to t = 1 s with 4 modes of the exact rod" in str(sol) and "half the modes change" in str(sol)
     silent = continuum.simulate(system, system.state(rate=0.1), ts=jnp.array([1.0]), modes=4, error=False)
@@ -427,40 +418,31 @@ def test_pressed_to_nothing():
 
 
 def test_refusals():
-    rod = {"young": 1e7, "density": 1200.0}
-    system = unit(jaxrod.Uniform(0.025), jaxrod.Rotation(), **rod)
+    uniform = jaxrod.Uniform(0.025)
+    system = scene(section=uniform)
     start, ts = system.state(rate=15.0), jnp.array([0.1])
 
     def refused(message, system=system, start=start, ts=ts, **options):
         with pytest.raises(ValueError, match=message):
             continuum.simulate(system, start, ts=ts, **options)
 
-    lumped = jaxrod.System(jaxrod.Lumped(1.0, 1.0, 1.0, 1.0), jaxrod.Rotation())
+    lumped = scene(rod=jaxrod.Lumped(1.0, 1.0, 1.0, 1.0))
     refused(r"rod=Lumped.*give a Rod", lumped, lumped.state())
     for force in (jaxrod.Torque(1.0), jaxrod.PivotFriction(1.0), jaxrod.KelvinVoigt(1e-3)):
-        refused(
-            f"forces holds {type(force).__name__}.*leave it out",
-            unit(jaxrod.Uniform(0.025), jaxrod.Rotation(), None, (force,)),
-        )
-    refused(
-        "2 of TipForce.*their sum", unit(jaxrod.Uniform(0.025), jaxrod.Rotation(), None, [jaxrod.TipForce(1.0)] * 2)
-    )
+        refused(f"forces holds {type(force).__name__}.*leave it out", unit(uniform, forces=(force,)))
+    refused("2 of TipForce.*their sum", unit(uniform, forces=[jaxrod.TipForce(1.0)] * 2))
     for modes in (1, 2.5, True):
         refused(f"modes={modes} must be a whole number", modes=modes)
     refused("tolerance=0 must be positive", tolerance=0.0)
     refused("tolerance=1e-17 is beyond float64", tolerance=1e-17)
     refused("ts=.*must increase", ts=jnp.array([0.2, 0.1]))
     refused("start=3 is not a state", start=3)
-    flying = unit(jaxrod.Uniform(0.025), jaxrod.Flight(), **rod)
+    flying = scene(jaxrod.Flight(), section=uniform)
     refused("start has director", start=flying.state())
     refused("critical rate of 143.393 rad/s", start=system.state(rate=150.0), static=True)
-    refused(
-        "static=True is of Hooke's law",
-        unit(jaxrod.Uniform(0.025), jaxrod.Rotation(), law=jaxrod.law.green),
-        static=True,
-    )
+    refused("static=True is of Hooke's law", unit(uniform, law=jaxrod.law.green), static=True)
     f = jnp.float32
-    single = jaxrod.System(jaxrod.Rod(f(1.0), jaxrod.Uniform(f(0.025)), f(1e7), f(1200.0)), jaxrod.Rotation())
+    single = scene(length=f(1.0), section=jaxrod.Uniform(f(0.025)), young=f(1e7), density=f(1200.0))
     refused("are float32; the exact rod needs float64", single, single.state(rate=f(1.0)))
     with pytest.raises(ValueError, match="most=16 leaves nothing to compare"):
         continuum.converged(system, start, ts=ts, change=1e-3, most=16)
@@ -484,10 +466,10 @@ def test_shares_nothing_with_the_rungs():
     assert [name for name in of_ours if name.startswith("motions.force.")] == ["motions.force.TipForce"]
 
 
-def test_pressed_to_nothing_between_the_times(cone):
+def test_pressed_to_nothing_between_the_times():
     """Set to three times the critical rate at once, a section is pressed through itself on the way back: at the end, when all is
     stretched again, it is not forgotten."""
-    system = jaxrod.System(cone, jaxrod.Rotation())
+    system = scene()
     start = system.state(rate=3 * jaxrod.continuum.critical_rate(system))
     for ts, ok in ((jnp.array([0.05]), True), (jnp.array([0.1]), False)):
         assert bool(jaxrod.continuum.simulate(system, start, ts=ts, modes=32, error=False).ok) == ok

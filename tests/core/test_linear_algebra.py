@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 import pytest
+from conftest import scene
 
 import jaxrod
 from jaxrod.core import linear_algebra
@@ -58,37 +59,37 @@ def test_the_look_for_batched_calls_sees_them():
     assert len(found) == 1
 
 
-def system(young, motion=None, basis=None, **others):
-    rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), young, 1200.0)
-    return jaxrod.System(rod, motion or jaxrod.Rotation(), basis or jaxrod.Ritz(2), gravity=9.81, **others)
+def two(young, motion=None, basis=None):
+    """Two shapes unless given: their matrices are factorised."""
+    return scene(motion, basis or jaxrod.Ritz(2), gravity=9.81, young=young)
 
 
 def exact_run(young):
-    scene = system(young)
-    return jaxrod.continuum.simulate(scene, scene.state(), ts=jnp.array([0.1]), modes=4, error=False).angle[0]
+    system = two(young)
+    return jaxrod.continuum.simulate(system, system.state(), ts=jnp.array([0.1]), modes=4, error=False).angle[0]
 
 
 def run(basis=None, **how):
     def end(young):
-        scene = system(young, basis=basis)
-        return jaxrod.simulate(scene, system(1e7, basis=basis).state(rate=5.0), t1=0.1, **how).angle[-1]
+        system = two(young, basis=basis)
+        return jaxrod.simulate(system, two(1e7, basis=basis).state(rate=5.0), t1=0.1, **how).angle[-1]
 
     return end
 
 
 LEVEL = diffrax.Event(lambda t, y, args, **_: y.direction[1] - 0.5, optx.Newton(1e-12, 1e-12))
 QUICK = {
-    "exact": lambda E: jaxrod.continuum.natural_frequencies(system(E, jaxrod.Rotation(0.3)), 2)[1],
-    "spinning": lambda E: jaxrod.continuum.spinning_frequencies(system(E), 5.0, 2, free=True)[1],
-    "steady": lambda E: jaxrod.continuum.steady_spin(system(E), 5.0),
-    "rungs": lambda E: jaxrod.natural_frequencies(system(E))[1],
-    "critical": lambda E: jaxrod.critical_rate(system(E)),
-    "bending": lambda E: jaxrod.model_limits(system(E)).bending_frequencies[0],
-    "lateral": lambda E: jaxrod.model_limits(system(E)).lateral_inertia,
+    "exact": lambda E: jaxrod.continuum.natural_frequencies(two(E, jaxrod.Rotation(0.3)), 2)[1],
+    "spinning": lambda E: jaxrod.continuum.spinning_frequencies(two(E), 5.0, 2, free=True)[1],
+    "steady": lambda E: jaxrod.continuum.steady_spin(two(E), 5.0),
+    "rungs": lambda E: jaxrod.natural_frequencies(two(E))[1],
+    "critical": lambda E: jaxrod.critical_rate(two(E)),
+    "bending": lambda E: jaxrod.model_limits(two(E)).bending_frequencies[0],
+    "lateral": lambda E: jaxrod.model_limits(two(E)).lateral_inertia,
 }
 SLOW = {
-    "equilibrium": lambda E: jaxrod.equilibrium(system(E, jaxrod.Spherical()), spin=2.0).strain,
-    "modes": lambda E: jaxrod.modes(system(E)).frequency[1],
+    "equilibrium": lambda E: jaxrod.equilibrium(two(E, jaxrod.Spherical()), spin=2.0).strain,
+    "modes": lambda E: jaxrod.modes(two(E)).frequency[1],
     "exact run": exact_run,
     "default": run(),
     "float32's condition": lambda E: run()(E.astype(jnp.float32)),
@@ -119,8 +120,8 @@ def test_no_batched_call_of_runs(name):
 @pytest.mark.slow
 def test_no_batched_call_of_a_horizon():
     def growth(young):
-        start = system(1e7).state(rate=5.0)
-        return jaxrod.horizon(system(young), start, t1=0.1, tolerance=1e-3).growth_rate
+        start = two(1e7).state(rate=5.0)
+        return jaxrod.horizon(two(young), start, t1=0.1, tolerance=1e-3).growth_rate
 
     assert not batched(growth)[0]
 
@@ -201,7 +202,7 @@ def test_pseudo_inverse(shape):
 @pytest.mark.slow
 def test_an_implicit_solver_by_loops_answers_alike():
     """The stiff scene of `Kvaerno5` has the answer of the default."""
-    scene = system(1e7)
-    start = scene.state(rate=5.0)
-    ends = [jaxrod.simulate(scene, start, t1=0.1, solver=s).tip[-1] for s in (None, diffrax.Kvaerno5())]
+    system = two(1e7)
+    start = system.state(rate=5.0)
+    ends = [jaxrod.simulate(system, start, t1=0.1, solver=s).tip[-1] for s in (None, diffrax.Kvaerno5())]
     np.testing.assert_allclose(ends[1], ends[0], atol=1e-6)

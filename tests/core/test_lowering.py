@@ -4,24 +4,21 @@ Nothing is compiled or run here, programs are only lowered to StableHLO.  LAPACK
 of the program are custom calls there; Cholesky's factorisation and the triangular solve are operations that become one.
 """
 
+import functools
 import re
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 
 ROTATION, SPACE, SPIN = jaxrod.Rotation(), jaxrod.Spherical(), jaxrod.Driven(lambda t: 15.0 * t)
 RIGID, ONE, TWO = (jaxrod.Ritz(n) for n in range(3))
 TORQUE, FRICTION = jaxrod.Torque(1.0), jaxrod.PivotFriction(0.1)
-
-
-def scene(motion=ROTATION, basis=ONE, gravity=9.81, forces=(), section=None, **keywords):
-    section = jaxrod.Cone(0.02, 0.03) if section is None else section
-    rod = jaxrod.Rod(1.0, section, young=1e7, density=1200.0, **keywords)
-    return jaxrod.System(rod, motion, basis, gravity, forces)
+heavy = functools.partial(scene, gravity=9.81)
 
 
 # ---- the vector field
@@ -29,7 +26,7 @@ def scene(motion=ROTATION, basis=ONE, gravity=9.81, forces=(), section=None, **k
 
 def lowered(chart=None, **keywords):
     """The acceleration of a scene; the rod is projected before, so its numbers are inputs."""
-    system = scene(**keywords)
+    system = heavy(**keywords)
     chart = jaxrod.default_chart(system) if chart is None else chart
     equations = jax.eval_shape(lambda: system.equations(chart))
     n = chart.size(system.motion) + (0 if isinstance(system.basis, jaxrod.QuasiStatic) else system.basis.n)
@@ -156,7 +153,7 @@ HOT = {
 @pytest.mark.slow
 @pytest.mark.parametrize("keywords", HOT.values(), ids=HOT)
 def test_the_time_loop_calls_nothing(keywords):
-    loops, within, everything = calls(lowered_run(scene(**keywords)))
+    loops, within, everything = calls(lowered_run(heavy(**keywords)))
     assert loops, "a run is a loop"
     assert not within, within[:3]
     if keywords.get("basis", ONE).n > 1:
@@ -183,5 +180,5 @@ def printing(t, state):
 
 @pytest.mark.parametrize("torque", [solving, factorising, calling_back, printing])
 def test_a_call_in_the_time_loop_would_be_found(torque):
-    _, within, _ = calls(lowered_run(scene(forces=[jaxrod.Torque(torque)])))
+    _, within, _ = calls(lowered_run(heavy(forces=[jaxrod.Torque(torque)])))
     assert within

@@ -1,5 +1,6 @@
 """Quantities with units, numbers of no solid, and the float type of a scene: nothing is stripped or lowered in silence."""
 
+import functools
 import subprocess
 import sys
 import types
@@ -9,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pint
 import pytest
+from conftest import make_rod, scene
 
 import jaxrod
 from jaxrod.core import units
@@ -16,9 +18,8 @@ from jaxrod.core import units
 Q = pint.UnitRegistry().Quantity  # one of its own, not the application's
 
 
-def _steel(**numbers):
-    given = {"length": 2.0, "section": jaxrod.Uniform(0.01), "young": 2e11, "density": 7850.0}
-    return jaxrod.Rod(**(given | numbers))
+_steel = functools.partial(make_rod, length=2.0, section=jaxrod.Uniform(0.01), young=2e11, density=7850.0)
+_scene = functools.partial(scene, rod=_steel())
 
 
 # ---- quantities are converted
@@ -47,18 +48,18 @@ def test_a_scene_in_mixed_units_is_that_in_si():
 
 
 def test_times_and_steps():
-    scene = jaxrod.System(_steel(), jaxrod.Rotation(), jaxrod.Ritz(0), gravity=[0.0, Q(-981, "cm/s^2")])
-    start = scene.state(angle=Q(0.25, "turn"))
-    plain = jaxrod.simulate(scene, start, ts=jnp.array([0.1, 0.2]), t0=0.05)
+    system = _scene(basis=jaxrod.Ritz(0), gravity=[0.0, Q(-981, "cm/s^2")])
+    start = system.state(angle=Q(0.25, "turn"))
+    plain = jaxrod.simulate(system, start, ts=jnp.array([0.1, 0.2]), t0=0.05)
     for ts in (
         Q([100.0, 200.0], "ms"),
         [Q(100, "ms"), Q(0.2, "s")],
         np.array([Q(100, "ms"), Q(0.2, "s")], dtype=object),
     ):
-        got = jaxrod.simulate(scene, start, ts=ts, t0=Q(50, "ms"))
+        got = jaxrod.simulate(system, start, ts=ts, t0=Q(50, "ms"))
         np.testing.assert_allclose(got.ts, plain.ts, rtol=1e-15)
         np.testing.assert_allclose(got.angle, plain.angle, rtol=1e-13)
-    end = jaxrod.simulate(scene, start, t1=Q(200, "ms"), dt0=Q(1, "ms"))
+    end = jaxrod.simulate(system, start, t1=Q(200, "ms"), dt0=Q(1, "ms"))
     assert float(end.ts[0]) == 0.2 and int(end.stats["num_steps"]) == 200
     place = plain.shape(Q([0.0, 200.0], "cm"))
     np.testing.assert_allclose(place[:, 1], plain.tip, rtol=1e-14)
@@ -73,7 +74,7 @@ def test_profiles_and_bodies():
     assert rod.breaks == (0.4,)
     body = jaxrod.Lumped(Q(100, "kg cm^2"), Q(100, "g m"), Q(330, "N mm"), Q(10, "cm"))
     np.testing.assert_allclose(jax.tree.leaves(body), [0.01, 0.1, 0.33, 0.1])
-    flying = jaxrod.System(_steel(), jaxrod.Flight())
+    flying = _scene(jaxrod.Flight())
     state = flying.state(center=Q([1, 2], "km"), center_velocity=[Q(36, "km/h"), 0.0])
     np.testing.assert_allclose(state.center, [1000.0, 2000.0])
     np.testing.assert_allclose(state.center_velocity, [10.0, 0.0])
@@ -134,8 +135,8 @@ def test_of_another_kind_they_are_refused(build, message):
         lambda: _steel(section=lambda s: Q(1e-4 + 0 * s, "m^2")),
         lambda: _steel(young=lambda s: Q(200.0, "GPa")),
         lambda: jaxrod.Driven(lambda t: Q(90.0, "deg")),
-        lambda: jaxrod.System(_steel(), jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: Q(1.0, "N mm"))]),
-        lambda: jaxrod.System(_steel(), jaxrod.Rotation(), forces=[jaxrod.ShakenBase(lambda t: Q(np.ones(2), "mm"))]),
+        lambda: _scene(forces=[jaxrod.Torque(lambda t, state: Q(1.0, "N mm"))]),
+        lambda: _scene(forces=[jaxrod.ShakenBase(lambda t: Q(np.ones(2), "mm"))]),
         lambda: jaxrod.fit(lambda p: Q(np.ones(2), "mm"), [1.0, 1.0], 1.0, {"a": 1.0}),
     ],
     ids=["section", "young", "drive", "torque", "base", "model"],
@@ -168,10 +169,6 @@ def test_records_and_impulses():
     ):
         with pytest.raises(ValueError, match=message):
             wrong()
-
-
-def _scene():
-    return jaxrod.System(_steel(), jaxrod.Rotation(), jaxrod.Ritz(1))
 
 
 class _Foreign(np.ndarray):
@@ -330,8 +327,8 @@ def test_a_slip_in_a_part_of_the_rod():
 
 def test_inches_are_right():
     """Steel in inch, pound, second: pi c / 2 L of a rod held at its root."""
-    rod = jaxrod.Rod(60.0, lambda s: 1.0 + 0 * s, 30e6, 7.3e-4)
-    got = 2 * np.pi * jaxrod.continuum.natural_frequencies(jaxrod.System(rod, jaxrod.Rotation()), 1)
+    system = scene(length=60.0, section=lambda s: 1.0 + 0 * s, young=30e6, density=7.3e-4)
+    got = 2 * np.pi * jaxrod.continuum.natural_frequencies(system, 1)
     np.testing.assert_allclose(got, np.pi / 120 * np.sqrt(30e6 / 7.3e-4), rtol=1e-12)
 
 
@@ -345,69 +342,64 @@ def test_millimetres_are_weighed():
 
 @pytest.mark.parametrize("name", ["angle", "azimuth"])
 def test_degrees_are_asked_about(name):
-    scene = jaxrod.System(_steel(), jaxrod.Spherical())
+    system = _scene(jaxrod.Spherical())
     with pytest.warns(UserWarning, match=rf"{name}=90 rad is 14.3 turns; .* give {name}=jnp.deg2rad\(90\)"):
-        scene.state(**{name: 90})
+        system.state(**{name: 90})
     for fine in (5.0, 3 * np.pi, 20 * np.pi, 12.0, -7.5, Q(90, "deg")):
-        scene.state(**{name: fine})
+        system.state(**{name: fine})
 
 
 def test_a_strain_beyond_hookes_law_is_asked_about():
     with pytest.warns(UserWarning, match="of no solid of that density"):
-        rod = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 200.0, 7800.0)
-    scene = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+        rod = make_rod(section=jaxrod.Uniform(0.025), young=200.0, density=7800.0)
+    system = scene(gravity=9.81, rod=rod)
     with pytest.warns(UserWarning, match=r"the strain reaches \d\d.*Hooke's law: is young=200 in Pa"):
-        jaxrod.simulate(scene, scene.state(), ts=jnp.linspace(0.1, 3.0, 30))
+        jaxrod.simulate(system, system.state(), ts=jnp.linspace(0.1, 3.0, 30))
 
 
 # ---- float32
 
 
-def _cone(young=1e7, **numbers):
-    rod = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), young, 1200.0)
-    return jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81, **numbers)
-
-
 def test_one_number_in_float32_is_named():
-    scene = _cone(np.float32(1e7))
-    start = scene.state(rate=15.0)
+    system = scene(gravity=9.81, young=np.float32(1e7))
+    start = system.state(rate=15.0)
     with pytest.warns(
         UserWarning, match=r"^rod.young is in float32, and so the run is; give Python numbers or float64"
     ):
-        sol = jaxrod.simulate(scene, start, t1=0.1)
+        sol = jaxrod.simulate(system, start, t1=0.1)
     assert sol.angle.dtype == jnp.float32 and "steps in float32: the run" in str(sol)
     with pytest.raises(ValueError, match=r"the exact rod needs float64: rod.young is in float32, so give Python"):
-        jaxrod.continuum.simulate(scene, start, ts=jnp.array([0.1]))
+        jaxrod.continuum.simulate(system, start, ts=jnp.array([0.1]))
 
 
 def test_float32_in_a_sweep_and_in_frequencies_is_named():
-    scene = _cone()
+    system = scene(gravity=9.81)
     with pytest.warns(UserWarning, match="^start is in float32"):
         found = jaxrod.sweep(
-            lambda rate: jaxrod.simulate(scene, scene.state(rate=rate), t1=0.1).angle[-1], np.ones(2, np.float32)
+            lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=0.1).angle[-1], np.ones(2, np.float32)
         )
     assert found.dtype == jnp.float32
-    for frequencies in (jaxrod.natural_frequencies, lambda scene: jaxrod.continuum.natural_frequencies(scene, 1)):
+    for frequencies in (jaxrod.natural_frequencies, lambda system: jaxrod.continuum.natural_frequencies(system, 1)):
         with pytest.warns(UserWarning, match="^rod.young is in float32"):
-            assert frequencies(_cone(np.float32(1e7))).dtype == jnp.float32
+            assert frequencies(scene(gravity=9.81, young=np.float32(1e7))).dtype == jnp.float32
 
 
 def test_a_start_in_float32_is_named():
-    scene = _cone()
+    system = scene(gravity=9.81)
     with pytest.warns(UserWarning, match="^start is in float32, and so the run is"):
-        jaxrod.simulate(scene, scene.state(rate=np.float32(15.0)), t1=0.1)
+        jaxrod.simulate(system, system.state(rate=np.float32(15.0)), t1=0.1)
 
 
 def test_a_start_in_float64_raises_the_type():
     """As JAX promotes: no word is needed."""
-    scene, other = _cone(np.float32(1e7)), _cone()
-    sol = jaxrod.simulate(scene, other.state(rate=15.0), t1=0.1)
+    system, other = scene(gravity=9.81, young=np.float32(1e7)), scene(gravity=9.81)
+    sol = jaxrod.simulate(system, other.state(rate=15.0), t1=0.1)
     assert sol.angle.dtype == jnp.float64 and "steps in float64: the run" in str(sol)
 
 
 def test_float32_throughout_is_meant():
-    scene = _cone()
-    single = jax.tree.map(lambda x: x.astype(jnp.float32), (scene, scene.state(rate=15.0)))
+    system = scene(gravity=9.81)
+    single = jax.tree.map(lambda x: x.astype(jnp.float32), (system, system.state(rate=15.0)))
     assert jaxrod.simulate(*single, t1=0.1).angle.dtype == jnp.float32
 
 
@@ -439,8 +431,7 @@ for verb, how in ((jaxrod.continuum.simulate, {{"ts": [0.1]}}), (jaxrod.plan, {{
 
 def test_an_error_asked_over_times_with_units():
     """The runs that tell it, and the times that a quantity looks at, are in s too."""
-    rod = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 1e7, 1200.0)
-    system = jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81)
+    system = scene(gravity=9.81, section=jaxrod.Uniform(0.025))
     start, asked = system.state(rate=3.0), [jaxrod.FinalTip(), jaxrod.LargestStrain()]
     with_units = jaxrod.simulate(system, start, t0=Q(100, "ms"), t1=Q(150, "ms"), budget=asked).budget
     plain = jaxrod.simulate(system, start, t0=0.1, t1=0.15, budget=asked).budget

@@ -5,6 +5,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 from jaxrod import QuinlanTremaine10, QuinlanTremaine12
@@ -12,9 +13,9 @@ from jaxrod import QuinlanTremaine10, QuinlanTremaine12
 METHODS = [QuinlanTremaine10(), QuinlanTremaine12()]
 
 
-def _scene(cone, motion=None, forces=(), gravity=9.81, **moving):
-    system = jaxrod.System(cone, motion or jaxrod.Rotation(), jaxrod.Ritz(1), gravity, forces=forces)
-    return system, system.state(**{"rate": 15.0, **moving})
+def _thrown(motion=None, gravity=9.81, forces=(), rate=15.0, **moving):
+    system = scene(motion, gravity=gravity, forces=forces)
+    return system, system.state(rate=rate, **moving)
 
 
 def _tip(system, start, t1=0.5, **how):
@@ -33,9 +34,9 @@ def test_coefficients():
 
 
 @pytest.mark.parametrize("method", METHODS, ids=["10", "12"])
-def test_order(cone, method):
+def test_order(method):
     """Half as many steps again: the error falls with the power of the order."""
-    system, start = _scene(cone)
+    system, start = _thrown()
     exact = _tip(system, start, tolerance=1e-12)
     few = 300 if method.accuracy == 10 else 360
     errors = [
@@ -50,7 +51,7 @@ def _push(t, state):
 
 
 @pytest.mark.parametrize(
-    "scene",
+    "given",
     [
         pytest.param({"motion": jaxrod.Spherical(), "azimuth_rate": 4.0}, marks=pytest.mark.slow),
         pytest.param({"motion": jaxrod.Flight(), "rate": 3.0}, marks=pytest.mark.slow),
@@ -60,9 +61,9 @@ def _push(t, state):
     ],
     ids=["spherical", "flight", "pivot", "loaded", "weightless"],
 )
-def test_every_flat_scene(cone, scene):
+def test_every_flat_scene(given):
     """At times that are equally spaced and at others, as the default has it."""
-    system, start = _scene(cone, **scene)
+    system, start = _thrown(**given)
     for ts in (jnp.linspace(0.0, 0.4, 5), jnp.array([0.1, 0.13, 0.4])):
         best = jaxrod.simulate(system, start, ts=ts, tolerance=1e-11)
         sol = jaxrod.simulate(system, start, ts=ts, solver=QuinlanTremaine12(), n_steps=700)
@@ -71,9 +72,9 @@ def test_every_flat_scene(cone, scene):
         np.testing.assert_allclose(sol.strain_rate, best.strain_rate, atol=2e-7)
 
 
-def test_many_turns_and_energy(cone):
+def test_many_turns_and_energy():
     """Turns are counted, and the energy has no trend over 250 axial periods."""
-    system, start = _scene(cone)
+    system, start = _thrown()
     ts = jnp.linspace(0.0, 10.0, 101)
     sol = jaxrod.simulate(system, start, ts=ts, solver=QuinlanTremaine10(), n_steps=8000)
     np.testing.assert_allclose(sol.angle[-1], jaxrod.simulate(system, start, t1=10.0).angle[-1], atol=1e-7)
@@ -81,9 +82,9 @@ def test_many_turns_and_energy(cone):
     assert np.max(np.abs(off)) < 1e-9 and abs(np.mean(off[51:]) - np.mean(off[1:51])) < 1e-10
 
 
-def test_beside_a_collapse(cone):
+def test_beside_a_collapse():
     """A scene that collapses has a code and no numbers, and changes no bit of its neighbours."""
-    system, _ = _scene(cone)
+    system, _ = _thrown()
 
     def run(strain_rate):
         start = system.state(rate=0.1, strain_rate=strain_rate)
@@ -99,9 +100,9 @@ def test_beside_a_collapse(cone):
 
 
 @pytest.mark.slow
-def test_derivatives(cone):
+def test_derivatives():
     """Forwards, as those of the default; backwards refused with what to do."""
-    system, _ = _scene(cone)
+    system, _ = _thrown()
 
     def tip(rate, **how):
         return _tip(system, system.state(rate=rate), 0.2, **how)
@@ -113,8 +114,8 @@ def test_derivatives(cone):
         jax.grad(lambda rate: tip(rate, **how)[0])(15.0)
 
 
-def test_refusals(cone):
-    system, start = _scene(cone)
+def test_refusals():
+    system, start = _thrown()
     method = QuinlanTremaine10()
     with pytest.raises(ValueError, match="give n_steps="):
         _tip(system, start, solver=method)
@@ -122,9 +123,9 @@ def test_refusals(cone):
         _tip(system, start, solver=method, n_steps=100, chart=jaxrod.Angles())
     with pytest.raises(jaxrod.SimulationError, match="longest step that can be stable"):
         _tip(system, start, solver=method, n_steps=100)
-    three = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(3))
-    driven = jaxrod.System(cone, jaxrod.Driven(lambda t: 3 * t))
-    rubbed, begin = _scene(cone, forces=[jaxrod.PivotFriction(0.1)])
+    three = scene(basis=jaxrod.Ritz(3))
+    driven = scene(jaxrod.Driven(lambda t: 3 * t))
+    rubbed, begin = _thrown(forces=[jaxrod.PivotFriction(0.1)])
     single = jax.tree.map(lambda x: x.astype(jnp.float32), (system, start))
     for other, state in ((three, three.state()), (driven, driven.state()), (rubbed, begin), single):
         with pytest.raises(ValueError, match="for uniform strain"):

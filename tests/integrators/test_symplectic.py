@@ -1,7 +1,5 @@
 """Symplectic solvers: order, reversal, dense output, energy without a trend, derivatives by running backwards."""
 
-import dataclasses
-
 import diffrax
 import jax
 import jax.numpy as jnp
@@ -14,10 +12,6 @@ from jaxrod.integrators.symplectic import AbstractSymplectic, SplitTerm, single_
 
 SOLVERS = [jaxrod.StormerVerlet(), jaxrod.BlanesMoan4(), jaxrod.BlanesMoan6(), jaxrod.ABA864()]
 GENERAL = [solver for solver in SOLVERS if not solver.needs_nystrom]
-
-
-def _system(rod, n=1, motion=None, **keywords):
-    return jaxrod.System(rod, motion or jaxrod.Rotation(), jaxrod.Ritz(n), gravity=9.81, **keywords)
 
 
 def _name(x):
@@ -44,9 +38,9 @@ STEPS = {"StormerVerlet": 400, "BlanesMoan4": 60, "BlanesMoan6": 40, "ABA864": 6
 @pytest.mark.parametrize(
     ("solver", "n"), [*((s, 1) for s in SOLVERS), *((s, 2) for s in GENERAL), (jaxrod.BlanesMoan6(), 0)], ids=_name
 )
-def test_observed_order(uniform, solver, n):
+def test_observed_order(scene, uniform, solver, n):
     """Of the tip's position when the step is halved, on all splits the solver is made for."""
-    system = _system(uniform, n)
+    system = scene(basis=jaxrod.Ritz(n), gravity=9.81, rod=uniform)
     start = system.state(angle=0.3, rate=9.0)
 
     def tip(n_steps):
@@ -61,8 +55,8 @@ def test_observed_order(uniform, solver, n):
 
 
 @pytest.mark.parametrize("n", [1, 2])
-def test_a_step_back_undoes_a_step(cone, n):
-    system = _system(cone, n, jaxrod.Spherical())
+def test_a_step_back_undoes_a_step(scene, n):
+    system = scene(jaxrod.Spherical(), jaxrod.Ritz(n), gravity=9.81)
     start = system.state(rate=9.0, azimuth_rate=4.0, strain=0.02)
     split, solver = system.split(start), jaxrod.ABA864()
     y0 = split.encode(start)
@@ -74,9 +68,9 @@ def test_a_step_back_undoes_a_step(cone, n):
 
 
 @pytest.mark.parametrize("n", [1, 2])
-def test_dense_output_is_of_full_order(cone, n):
+def test_dense_output_is_of_full_order(scene, n):
     """Between steps as exact as at their ends: through Diffrax, with its SaveAt."""
-    system = _system(cone, n)
+    system = scene(basis=jaxrod.Ritz(n), gravity=9.81)
     start, ts = system.state(rate=12.0), jnp.linspace(0.013, 0.4, 7)
     solver = jaxrod.default_solver(system)
     given = {"t1": 0.4, "solver": solver, "saveat": diffrax.SaveAt(ts=ts)}
@@ -86,9 +80,9 @@ def test_dense_output_is_of_full_order(cone, n):
     np.testing.assert_allclose(dense.angle, at_ends.angle, atol=3e-8)
 
 
-def test_events_and_meters_are_diffrax_s(cone):
+def test_events_and_meters_are_diffrax_s(scene):
     """The first time the rod hangs, by Newton's method within a step; a progress meter is accepted."""
-    system = _system(cone)
+    system = scene(gravity=9.81)
 
     def hanging(t, state, args, **_):
         return state.direction[0]
@@ -99,9 +93,9 @@ def test_events_and_meters_are_diffrax_s(cone):
     np.testing.assert_allclose(sol.ts, exact.ts, rtol=1e-3)
 
 
-def test_as_a_diffrax_solver(cone):
+def test_as_a_diffrax_solver(scene):
     """The split makes a term, and `diffrax.diffeqsolve` does the rest."""
-    system = _system(cone)
+    system = scene(gravity=9.81)
     start = system.state(rate=15.0)
     split = system.split(start)
     raw = diffrax.diffeqsolve(SplitTerm(split), jaxrod.BlanesMoan6(), 0.0, 0.2, 1e-3, split.encode(start))
@@ -111,10 +105,10 @@ def test_as_a_diffrax_solver(cone):
 
 
 @pytest.mark.slow
-def test_steps_are_chosen_by_the_tolerance(cone):
+def test_steps_are_chosen_by_the_tolerance(scene):
     """Errors of a run are below what is asked, and more is asked by more steps."""
     for n in (0, 1, 2):
-        system = _system(cone, n)
+        system = scene(basis=jaxrod.Ritz(n), gravity=9.81)
         start = system.state(rate=15.0)
         exact = jaxrod.simulate(system, start, t1=1.0, tolerance=1e-12, solver=None)
         steps = []
@@ -126,23 +120,24 @@ def test_steps_are_chosen_by_the_tolerance(cone):
         assert steps == sorted(steps) and steps[0] < steps[-1] / 2
 
 
-def test_why(cone):
+def test_why(scene):
     """`stats` says which road was taken and why, through transformations too."""
-    system = _system(cone)
+    system = scene(gravity=9.81)
     start = system.state(rate=5.0)
     assert "flat" in jaxrod.simulate(system, start, t1=0.1).stats["why"]
-    assert "exact" in jaxrod.simulate(_system(cone, 2), _system(cone, 2).state(rate=5.0), t1=0.1).stats["why"]
+    two = scene(basis=jaxrod.Ritz(2), gravity=9.81)
+    assert "exact" in jaxrod.simulate(two, two.state(rate=5.0), t1=0.1).stats["why"]
     mapped = jax.vmap(lambda rate: jaxrod.simulate(system, system.state(rate=rate), t1=0.1))(jnp.ones(2))
     assert "flat" in mapped.stats["why"]
-    damped = _system(cone, forces=[jaxrod.PivotFriction(0.1)])
+    damped = scene(gravity=9.81, forces=[jaxrod.PivotFriction(0.1)])
     assert "rates" in jaxrod.simulate(damped, damped.state(rate=5.0), t1=0.1).stats["why"]
     assert "as given" in jaxrod.simulate(system, start, t1=0.1, solver=diffrax.Tsit5()).stats["why"]
     assert "saveat" in jaxrod.simulate(system, start, t1=0.1, saveat=diffrax.SaveAt(t1=True)).stats["why"]
 
 
-def test_where_equal_steps_fail_others_are_taken(cone):
+def test_where_equal_steps_fail_others_are_taken(scene):
     """A fall through the pivot ends equal steps; known numbers are run again with steps that adapt."""
-    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1))
+    system = scene()
     start = system.state(rate=1e-3, strain_rate=-200.0)
     sol = jaxrod.simulate(system, start, t1=0.1, throw=False)
     assert "adaptive" in sol.stats["why"] and sol.method.startswith("Dopri8")
@@ -152,9 +147,9 @@ def test_where_equal_steps_fail_others_are_taken(cone):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2])
-def test_energy_has_no_trend(cone, n):
+def test_energy_has_no_trend(scene, n):
     """100 s of Figure 2, 2,500 axial periods: within 1e-10, and the second half no worse than the first."""
-    system = _system(cone, n)
+    system = scene(basis=jaxrod.Ritz(n), gravity=9.81)
     sol = jaxrod.simulate(system, system.state(rate=15.0), ts=jnp.linspace(0.0, 100.0, 1001))
     error = np.abs(np.asarray(sol.energy / sol.energy[0]) - 1)
     assert error.max() < 1e-10
@@ -166,12 +161,11 @@ def test_energy_has_no_trend(cone, n):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("n", "motion"), [(1, jaxrod.Rotation()), (2, jaxrod.Spherical())])
-def test_backwards_is_forwards(cone, n, motion):
+def test_backwards_is_forwards(scene, cone, n, motion):
     """The reversible adjoint against forward sensitivities to rounding, and central differences to 1e-7."""
 
     def answer(p, adjoint=None):
-        rod = dataclasses.replace(cone, young=1e7 * p[0], length=p[1])
-        system = jaxrod.System(rod, motion, jaxrod.Ritz(n), gravity=9.81 * p[2])
+        system = scene(motion, jaxrod.Ritz(n), 9.81 * p[2], rod=cone, young=1e7 * p[0], length=p[1])
         more = {"azimuth_rate": 4.0 * p[3]} if motion.dimension == 3 else {}
         start = system.state(angle=0.2, rate=8.0 * p[3], **more)
         sol = jaxrod.simulate(system, start, ts=jnp.linspace(0.0, 0.5, 6), adjoint=adjoint)
@@ -187,17 +181,17 @@ def test_backwards_is_forwards(cone, n, motion):
     np.testing.assert_allclose(backwards, central, rtol=1e-7 * 20, atol=1e-7 * float(jnp.max(jnp.abs(backwards))))
 
 
-def test_derivative_by_the_end_time_is_the_rate(cone):
-    system = _system(cone)
+def test_derivative_by_the_end_time_is_the_rate(scene):
+    system = scene(gravity=9.81)
     start = system.state(rate=15.0)
     sol = jaxrod.simulate(system, start, t1=0.7)
     slope = jax.grad(lambda t1: jaxrod.simulate(system, start, t1=t1).angle[-1])(0.7)
     np.testing.assert_allclose(slope, sol.rate[-1], rtol=1e-9)
 
 
-def test_memory_of_the_derivative_does_not_grow_with_the_steps(cone):
+def test_memory_of_the_derivative_does_not_grow_with_the_steps(scene):
     """The compiled program keeps as much for ten times the steps."""
-    system = _system(cone)
+    system = scene(gravity=9.81)
 
     def end(rate, n_steps):
         return jaxrod.simulate(
@@ -211,14 +205,14 @@ def test_memory_of_the_derivative_does_not_grow_with_the_steps(cone):
     assert sizes[1] <= sizes[0] + 1024
 
 
-def test_reversible_needs_a_symplectic_solver(cone):
-    system = _system(cone)
+def test_reversible_needs_a_symplectic_solver(scene):
+    system = scene(gravity=9.81)
     with pytest.raises(ValueError, match=r"Reversible\(\) runs symplectic solvers backwards, not Tsit5"):
         jaxrod.simulate(system, system.state(), t1=0.1, solver=diffrax.Tsit5(), adjoint=jaxrod.Reversible())
 
 
-def test_refusals(cone):
-    system = _system(cone, 2)
+def test_refusals(scene):
+    system = scene(basis=jaxrod.Ritz(2), gravity=9.81)
     start = system.state()
     with pytest.raises(ValueError, match=r"BlanesMoan6\(\) keeps its order for uniform strain.*take ABA864"):
         jaxrod.simulate(system, start, t1=0.1, solver=jaxrod.BlanesMoan6())
@@ -234,10 +228,9 @@ def test_refusals(cone):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("motion", "n"), [(jaxrod.Spherical(), 1), (jaxrod.Rotation(), 0), (jaxrod.Rotation(), 3)])
-def test_unrolled(cone, motion, n):
+def test_unrolled(scene, motion, n):
     """Damped scenes by equal steps in one loop, against Diffrax's adaptive run."""
-    forces = [jaxrod.PivotFriction(0.3)]
-    system = jaxrod.System(cone, motion, jaxrod.Ritz(n), gravity=9.81, forces=forces)
+    system = scene(motion, jaxrod.Ritz(n), gravity=9.81, forces=[jaxrod.PivotFriction(0.3)])
     start, ts = system.state(angle=0.2, rate=12.0), jnp.linspace(0.05, 0.5, 10)
     exact = jaxrod.simulate(system, start, ts=ts, tolerance=1e-11)
     sol = jaxrod.simulate(system, start, ts=ts, solver=jaxrod.Unrolled(), n_steps=4000)
@@ -270,30 +263,30 @@ def test_unrolled_refuses():
     ],
     ids=["torque", "tip force"],
 )
-def test_fast_loads_are_resolved(cone, forces):
+def test_fast_loads_are_resolved(scene, forces):
     """Loads faster than anything that the steps are counted by: seen by half the steps, and taken by others."""
-    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81, forces=forces)
+    system = scene(gravity=9.81, forces=forces)
     start = system.state(rate=3.0)
     sol = jaxrod.simulate(system, start, t1=0.3)
     fine = jaxrod.simulate(system, start, t1=0.3, n_steps=20000)
     assert jnp.max(jnp.abs(sol.tip - fine.tip)) < 1e-8
 
 
-def test_a_pulse_is_met(cone):
+def test_a_pulse_is_met(scene):
     """Of 20 us in a second: where equal steps met it, those that adapt do not step over it."""
     pulse = jaxrod.Torque(lambda t, state: 1e5 * jnp.exp(-(((t - 0.5037) / 2e-5) ** 2)))
-    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1), gravity=9.81, forces=[pulse])
+    system = scene(gravity=9.81, forces=[pulse])
     sol = jaxrod.simulate(system, system.state(rate=3.0), t1=1.0)
     fine = jaxrod.simulate(system, system.state(rate=3.0), t1=1.0, n_steps=400_000)
     np.testing.assert_allclose(sol.tip, fine.tip, atol=1e-7)
 
 
 @pytest.mark.slow
-def test_numbers_in_closures(cone):
+def test_numbers_in_closures(scene, cone):
     """A load or a motion that closes over a traced number has derivatives, and maps."""
 
     def tip(p):
-        system = jaxrod.System(cone, jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: p * 50 * t)])
+        system = scene(forces=[jaxrod.Torque(lambda t, state: p * 50 * t)], rod=cone)
         return jaxrod.simulate(system, system.state(), t1=0.1).angle[-1]
 
     less, more = jax.vmap(tip)(jnp.array([0.999, 1.001]))
@@ -306,25 +299,25 @@ def test_numbers_in_closures(cone):
     np.testing.assert_allclose(jax.grad(swept)(0.5), jnp.cos(0.5) + 2 * jnp.cos(1.0))
 
 
-def test_numbers_that_hide_nowhere(cone):
+def test_numbers_that_hide_nowhere(scene, cone):
     """The leaves of a `Partial` are seen: such scenes keep to equal steps.  A module within a closure hides its own."""
 
     def driven(rate):
-        system = jaxrod.System(cone, jaxrod.Driven(jax.tree_util.Partial(lambda w, t: w * t, rate)))
+        system = scene(jaxrod.Driven(jax.tree_util.Partial(lambda w, t: w * t, rate)), rod=cone)
         return jaxrod.simulate(system, system.state(), t1=0.05)
 
     def loaded(moment):
         load = jaxrod.Torque(moment)
-        system = jaxrod.System(cone, jaxrod.Rotation(), forces=[jaxrod.Torque(lambda t, state: load.moment * t)])
+        system = scene(forces=[jaxrod.Torque(lambda t, state: load.moment * t)], rod=cone)
         return jaxrod.simulate(system, system.state(), t1=0.05)
 
     assert jax.jit(driven)(5.0).stats["why"].startswith("symplectic")
     assert "closes over" in jax.jit(loaded)(5.0).stats["why"]
 
 
-def test_what_failed_has_no_derivative(cone):
+def test_what_failed_has_no_derivative(scene):
     """Not zero, which would pass for one."""
-    system = jaxrod.System(cone, jaxrod.Rotation(), gravity=None)
+    system = scene()
 
     def strain(rate):
         return jaxrod.simulate(system, system.state(strain_rate=rate), t1=0.05, throw=False).strain[-1]
@@ -333,16 +326,16 @@ def test_what_failed_has_no_derivative(cone):
     assert jnp.isfinite(slopes[0]) and jnp.isnan(slopes[1])
 
 
-def test_solvers_whose_steps_nobody_counts(cone):
-    system = _system(cone)
+def test_solvers_whose_steps_nobody_counts(scene):
+    system = scene(gravity=9.81)
     with pytest.raises(ValueError, match="n_steps="):
         jaxrod.simulate(system, system.state(), t1=0.1, solver=jaxrod.StormerVerlet())
 
 
 @pytest.mark.parametrize("n_steps", [800, 4000])
-def test_turns_are_counted_where_steps_open_and_close(cone, n_steps):
+def test_turns_are_counted_where_steps_open_and_close(scene, n_steps):
     """A run may pass the place where turns are counted in the drift before its first step, or stand just before it."""
-    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1))
+    system = scene()
     ts = jnp.linspace(0.0, 0.04, 801)[1:]
     run = {"ts": ts, "n_steps": n_steps, "solver": jaxrod.ABA864()}
     angle = jaxrod.simulate(system, system.state(angle=np.pi - 0.3, rate=15.0), **run).angle

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 from jaxrod.core.scalarize import gathered, scattered
@@ -37,18 +38,18 @@ SCENES = {
 }
 
 
-def _scene(cone, name):
+def _scene(name):
     motion, basis, gravity, forces, more = SCENES[name]
-    system = jaxrod.System(cone, motion, basis, gravity=gravity, forces=forces)
+    system = scene(motion, basis, gravity, forces)
     turning = {} if isinstance(motion, jaxrod.Driven) else {"angle": 0.3, "rate": 12.0, **more}
     amplitudes = jnp.array([0.02, -0.01, 0.005])[: basis.n]
     return system, system.state(**turning, amplitudes=amplitudes, amplitude_rates=3 * amplitudes)
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_flows_add_up_to_the_equations_of_motion(cone, name):
+def test_the_flows_add_up_to_the_equations_of_motion(name):
     """d/dh of a step, at h = 0, is the vector field from autodiff of the Lagrangian."""
-    system, start = _scene(cone, name)
+    system, start = _scene(name)
     split = system.split(start)
     if isinstance(system.motion, jaxrod.Driven):
         chart = jaxrod.Strains()
@@ -70,9 +71,9 @@ def test_the_flows_add_up_to_the_equations_of_motion(cone, name):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_stages_are_undone(cone, name):
+def test_stages_are_undone(name):
     """From after a stage back to before it, to rounding; and the derivative of a known circle is that of its angle."""
-    system, start = _scene(cone, name)
+    system, start = _scene(name)
     split, solver, h = system.split(start), jaxrod.ABA864(), 4e-3
 
     @jax.jit
@@ -116,9 +117,9 @@ PARTS = {
 
 
 @pytest.mark.parametrize("part", PARTS)
-def test_each_axial_flow_is_exact(cone, part):
+def test_each_axial_flow_is_exact(part):
     """q = (eta, psi), p = (p, l): the flow of a part of the energy alone, to 1e-12."""
-    system, start = _scene(cone, "axial")
+    system, start = _scene("axial")
     split = system.split(start)
     modes, t = split.modes, 0.02
     y = split.encode(start)
@@ -143,8 +144,8 @@ def test_each_axial_flow_is_exact(cone, part):
         assert abs(q1[-1] - psi) > 1e-4, "nothing turned"
 
 
-def test_the_flat_kick_is_minus_the_gradient_of_the_energy(cone):
-    system, start = _scene(cone, "flat")
+def test_the_flat_kick_is_minus_the_gradient_of_the_energy():
+    system, start = _scene("flat")
     split, q = system.split(start), jnp.array([0.7, 0.9])
     inertia = system.body.mass_matrix[0, 0]
 
@@ -156,8 +157,8 @@ def test_the_flat_kick_is_minus_the_gradient_of_the_energy(cone):
     np.testing.assert_allclose(found, -jax.grad(potential)(q) / inertia, rtol=1e-12)
 
 
-def test_which_split(cone):
-    kinds = {name: type(_scene(cone, name)[0].split(_scene(cone, name)[1])) for name in SCENES}
+def test_which_split():
+    kinds = {name: type(_scene(name)[0].split(_scene(name)[1])) for name in SCENES}
     assert {kinds[name] for name in SCENES if name.startswith("flat")} == {Flat}
     assert kinds["driven"] is Prescribed
     assert {kinds[name] for name in SCENES if name.startswith(("axial", "rigid"))} == {Axial}
@@ -171,8 +172,8 @@ def test_which_split(cone):
         ({"basis": jaxrod.QuasiStatic(jaxrod.Ritz(1))}, "QuasiStatic"),
     ],
 )
-def test_what_cannot_be_split_says_so(cone, change, why):
-    system = jaxrod.System(cone, jaxrod.Rotation(), **change)
+def test_what_cannot_be_split_says_so(change, why):
+    system = scene(**change)
     assert why in system.unsplit
     with pytest.raises(ValueError, match="symplectic"):
         system.split(system.state())
@@ -181,9 +182,9 @@ def test_what_cannot_be_split_says_so(cone, change, why):
     assert type(jaxrod.default_solver(system)) is diffrax.Dopri8
 
 
-def test_phases_are_scalars(cone):
+def test_phases_are_scalars():
     """Lanes last: under vmap every number is a vector of its own."""
-    system, start = _scene(cone, "axial")
+    system, start = _scene("axial")
     y = system.split(start).encode(start)
     assert isinstance(y, Split)
     assert all(jnp.ndim(x) == 0 for x in jax.tree.leaves(y))

@@ -13,15 +13,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import make_rod, scene
 
 import jaxrod
 from jaxrod.core.precision import in_type
 
-ROTATION, RIGID = jaxrod.Rotation(), jaxrod.Ritz(0)
+UNIFORM = make_rod(section=jaxrod.Uniform(0.025))
 
 
-def scene(rod, *forces, basis=RIGID, motion=ROTATION, gravity=None):
-    return jaxrod.System(rod, motion, basis, gravity=gravity, forces=forces)
+def loaded(*forces, basis=None, **others):
+    """Rigid unless given a basis."""
+    return scene(basis=basis or jaxrod.Ritz(0), forces=forces, rod=UNIFORM, **others)
 
 
 def pulse(begin, width, total=1.0):
@@ -46,7 +48,7 @@ def record(begin, width, total=1.0, samples=201):
 @pytest.mark.parametrize("load", [jaxrod.Impulse, record])
 def test_blow_on_a_rigid_rod(uniform, width, load):
     load = load(1.0, 5.0, width) if load is jaxrod.Impulse else load(5.0, width)
-    system = scene(uniform, jaxrod.Torque(load))
+    system = loaded(jaxrod.Torque(load))
     sol = jaxrod.simulate(system, system.state(), t1=10.0)
     rate = 1 / uniform.moment_of_inertia()
     np.testing.assert_allclose(sol.rate[-1], rate, rtol=1e-9)
@@ -55,14 +57,14 @@ def test_blow_on_a_rigid_rod(uniform, width, load):
 
 @pytest.mark.parametrize(("begin", "width"), [(5.0, 1.0), (5.0, 0.1), (5.0, 0.01), (2.3457, 0.0103)])
 def test_blow_as_a_bare_function(uniform, begin, width):
-    system = scene(uniform, jaxrod.Torque(pulse(begin, width)))
+    system = loaded(jaxrod.Torque(pulse(begin, width)))
     sol = jaxrod.simulate(system, system.state(), t1=10.0)
     np.testing.assert_allclose(sol.rate[-1], 1 / uniform.moment_of_inertia(), rtol=1e-9)
 
 
-def test_blow_where_steps_adapt(uniform):
+def test_blow_where_steps_adapt():
     for load in (pulse(5.0, 0.1), jaxrod.Impulse(1.0, 5.0, 0.1), record(5.0, 0.1)):
-        system = scene(uniform, jaxrod.PivotFriction(0.1), jaxrod.Torque(load))
+        system = loaded(jaxrod.PivotFriction(0.1), jaxrod.Torque(load))
         sol = jaxrod.simulate(system, system.state(), t1=10.0)
         np.testing.assert_allclose(sol.rate[-1], 0.6779468062, rtol=1e-8)  # quadrature of the impulse response
 
@@ -70,7 +72,7 @@ def test_blow_where_steps_adapt(uniform):
 def test_blow_on_a_rod_that_stretches(uniform):
     """What a blow along the rod leaves is an oscillation of known size: the pulse's Fourier transform at its rate."""
     width, total = 1e-4, 0.05
-    system = scene(uniform, jaxrod.TipForce(jaxrod.Impulse(total, 0.02, width)), basis=jaxrod.Ritz(1))
+    system = loaded(jaxrod.TipForce(jaxrod.Impulse(total, 0.02, width)), basis=jaxrod.Ritz(1))
     sol = jaxrod.simulate(system, system.state(), ts=jnp.linspace(0.021, 0.06, 200))
     omega = 2 * jnp.pi * jaxrod.natural_frequencies(system)[0]
     x = omega * width
@@ -81,8 +83,8 @@ def test_blow_on_a_rod_that_stretches(uniform):
     np.testing.assert_allclose(found, amplitude, rtol=1e-8)
 
 
-def test_blow_between_two_looks_is_said(uniform):
-    system = scene(uniform, jaxrod.Torque(pulse(5.0006, 1e-3)))
+def test_blow_between_two_looks_is_said():
+    system = loaded(jaxrod.Torque(pulse(5.0006, 1e-3)))
     with pytest.warns(UserWarning, match=r"jaxrod\.Impulse, samples as jaxrod\.Record"):
         jaxrod.simulate(system, system.state(), t1=10.0)
 
@@ -91,9 +93,7 @@ def test_sweep_of_blows(uniform):
     """A narrow one is seen, or has a code; no lane is silently zero."""
 
     def rate(width):
-        system = scene(
-            uniform, jaxrod.Torque(jax.tree_util.Partial(lambda width, t, _: pulse(5.0006, width)(t), width))
-        )
+        system = loaded(jaxrod.Torque(jax.tree_util.Partial(lambda width, t, _: pulse(5.0006, width)(t), width)))
         sol = jaxrod.simulate(system, system.state(), t1=10.0)
         return {"rate": sol.rate[-1], "result": sol.result}
 
@@ -107,7 +107,7 @@ def test_sweep_of_blows(uniform):
 
 def test_sweep_of_impulses(uniform):
     def rate(width):
-        system = scene(uniform, jaxrod.Torque(jaxrod.Impulse(1.0, 5.0, width)))
+        system = loaded(jaxrod.Torque(jaxrod.Impulse(1.0, 5.0, width)))
         sol = jaxrod.simulate(system, system.state(), t1=10.0)
         return {"rate": sol.rate[-1], "result": sol.result}
 
@@ -116,29 +116,27 @@ def test_sweep_of_impulses(uniform):
 
 
 def test_given_steps_that_pass_over_a_load(uniform):
-    system = scene(uniform, jaxrod.Torque(pulse(5.0, 0.3)))
+    system = loaded(jaxrod.Torque(pulse(5.0, 0.3)))
     sol = jaxrod.simulate(system, system.state(), t1=10.0, solver=jaxrod.BlanesMoan6(), n_steps=20, throw=False)
     assert sol.result == jaxrod.Result.coarse
-    system = scene(uniform, jaxrod.Torque(jaxrod.Impulse(1.0, 5.0, 0.3)))
+    system = loaded(jaxrod.Torque(jaxrod.Impulse(1.0, 5.0, 0.3)))
     sol = jaxrod.simulate(system, system.state(), t1=7.0, solver=jaxrod.BlanesMoan6(), n_steps=20)
     np.testing.assert_allclose(sol.rate[-1], 1 / uniform.moment_of_inertia(), rtol=1e-9)
     with pytest.raises(ValueError, match="pass over a Record or an Impulse"):
         jaxrod.simulate(system, system.state(), t1=7.0, solver=diffrax.Dopri8(), n_steps=20)
 
 
-def test_a_load_that_is_meant_to_be_zero_in_the_state_is_not_questioned(uniform):
+def test_a_load_that_is_meant_to_be_zero_in_the_state_is_not_questioned():
     """A spring that is slack at the start, a torque against a rod at rest."""
-    system = scene(
-        uniform, jaxrod.Torque(lambda t, state: -0.1 * state.angle), jaxrod.Torque(lambda t, state: -state.rate)
-    )
+    system = loaded(jaxrod.Torque(lambda t, state: -0.1 * state.angle), jaxrod.Torque(lambda t, state: -state.rate))
     assert jaxrod.simulate(system, system.state(), t1=0.1).ok
 
 
 # ---- bases and drives
 
 
-def _shaken(uniform, base):
-    system = scene(uniform, base, gravity=9.81)
+def _shaken(base):
+    system = loaded(base, gravity=9.81)
     return jaxrod.simulate(system, system.state(angle=-math.pi / 2), t1=1.5).angle[-1] + math.pi / 2
 
 
@@ -157,7 +155,7 @@ def test_base_from_a_record(uniform):
         jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])),  # found in the closure
         jaxrod.ShakenBase(acceleration=acceleration),
     ):
-        assert abs(_shaken(uniform, base) - RIGHT) < 1e-9
+        assert abs(_shaken(base) - RIGHT) < 1e-9
 
 
 @pytest.mark.parametrize("method", ["linear", "hold", "trolley"])
@@ -170,7 +168,7 @@ def test_base_that_cannot_be_differentiated_is_said(uniform, method):
         "trolley": lambda t: jnp.where(t > 1.0, 0.5 * (t - 1.0), 0.0),
     }[method]
     with pytest.warns(UserWarning, match=r"jaxrod\.Record"):
-        _shaken(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])))
+        _shaken(jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])))
 
 
 def test_jumps_and_kinks_beside_other_motion_are_said(uniform):
@@ -181,11 +179,11 @@ def test_jumps_and_kinks_beside_other_motion_are_said(uniform):
     ]
     for move in moves:
         with pytest.warns(UserWarning, match="without accelerating it"):
-            _shaken(uniform, jaxrod.ShakenBase(lambda t, move=move: jnp.stack([move(t), 0.0 * t])))
-    jumping = scene(uniform, motion=jaxrod.Driven(lambda t: jnp.where(t > 1, 2 * t**2, t**2)), basis=jaxrod.Ritz(1))
+            _shaken(jaxrod.ShakenBase(lambda t, move=move: jnp.stack([move(t), 0.0 * t])))
+    jumping = loaded(motion=jaxrod.Driven(lambda t: jnp.where(t > 1, 2 * t**2, t**2)), basis=jaxrod.Ritz(1))
     with pytest.warns(UserWarning, match="without accelerating it"):
         jaxrod.simulate(jumping, jumping.state(), t1=1.5)
-    _shaken(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([1e-4 * jnp.sin(3770 * t), 0.0 * t])))
+    _shaken(jaxrod.ShakenBase(lambda t: jnp.stack([1e-4 * jnp.sin(3770 * t), 0.0 * t])))
 
 
 class Own(jaxrod.AbstractForce):
@@ -201,7 +199,7 @@ class Own(jaxrod.AbstractForce):
         pass
 
 
-def test_short_loads_that_read_the_state_are_said(uniform):
+def test_short_loads_that_read_the_state_are_said():
     """They are zero at each instant, at the start and beside it; what rests at the start alone is not questioned."""
     short = pulse(5.0, 1e-3)
     for force in (
@@ -209,16 +207,16 @@ def test_short_loads_that_read_the_state_are_said(uniform):
         jaxrod.TipForce(lambda t, state: short(t) * jnp.stack([-state.direction[1], state.direction[0]])),
         Own(short),
     ):
-        system = scene(uniform, force)
+        system = loaded(force)
         with pytest.warns(UserWarning, match=r"jaxrod\.Impulse"):
             jaxrod.simulate(system, system.state(), t1=10.0)
     brake = jaxrod.Torque(lambda t, state: jnp.where(t > 0.1, -0.1 * state.rate, 0.0))
     growing = jaxrod.TipForce(lambda t, state: -100.0 * t * state.strain)
-    system = scene(uniform, brake, growing, basis=jaxrod.Ritz(1))
+    system = loaded(brake, growing, basis=jaxrod.Ritz(1))
     assert jaxrod.simulate(system, system.state(), t1=0.3).rate[-1] == 0.0
 
 
-def test_modules_that_hold_functions(uniform):
+def test_modules_that_hold_functions():
     """A network, a partial, a drive: their functions are no numbers."""
 
     class Held(eqx.Module):
@@ -230,44 +228,44 @@ def test_modules_that_hold_functions(uniform):
 
     def end(most, motion=None):
         forces = [] if motion else [jaxrod.Torque(Held(jnp.sin, most))]
-        system = scene(uniform, *forces, motion=motion or ROTATION, basis=jaxrod.Ritz(1))
+        system = loaded(*forces, motion=motion, basis=jaxrod.Ritz(1))
         return jaxrod.simulate(system, system.state(), t1=0.5).tip[-1, 1]
 
-    plain = scene(uniform, jaxrod.Torque(lambda t, state: 2.0 * jnp.sin(t)), basis=jaxrod.Ritz(1))
+    plain = loaded(jaxrod.Torque(lambda t, state: 2.0 * jnp.sin(t)), basis=jaxrod.Ritz(1))
     right = jaxrod.simulate(plain, plain.state(), t1=0.5).tip[-1, 1]
     np.testing.assert_allclose(end(jnp.asarray(2.0)), right, rtol=1e-12)
     np.testing.assert_allclose(jax.grad(end)(2.0), right / 2, rtol=0.02)  # nearly linear
     assert np.isfinite(end(None, jaxrod.Driven(Held(jnp.sin, jnp.asarray(2.0)))))
 
 
-def test_trolley_from_a_record(uniform):
+def test_trolley_from_a_record():
     """It starts within a sample: the rate jumps by -S v / I."""
     times = jnp.linspace(0.0, 2.5, 2501)
     place = jnp.stack([jnp.where(times > 1.0, 0.5 * (times - 1.0), 0.0), 0 * times], axis=1)
-    system = scene(uniform, jaxrod.ShakenBase(jaxrod.Record(times, place)), gravity=9.81)
+    system = loaded(jaxrod.ShakenBase(jaxrod.Record(times, place)), gravity=9.81)
     sol = jaxrod.simulate(system, system.state(angle=-math.pi / 2), ts=jnp.array([1.01, 2.0]))
     assert abs(sol.rate[0] + 0.75) < 2e-3  # less the swing of 1 cs
     assert abs(sol.angle[1] + math.pi / 2 - 0.12398939) < 5e-4  # of a start at one instant; SciPy
 
 
 @pytest.mark.parametrize("dtype", ["float64", "float32"])
-def test_uniform_motion_of_base_and_drive_is_not_questioned(uniform, dtype):
-    base = scene(uniform, jaxrod.ShakenBase(lambda t: jnp.stack([3.0 * t, 1.0 + 0.0 * t])))
+def test_uniform_motion_of_base_and_drive_is_not_questioned(dtype):
+    base = loaded(jaxrod.ShakenBase(lambda t: jnp.stack([3.0 * t, 1.0 + 0.0 * t])))
     assert jaxrod.simulate(*in_type(dtype, (base, base.state())), t1=1.0).angle[-1] == 0.0
-    driven = scene(uniform, motion=jaxrod.Driven(lambda t: 15.7 * t), basis=jaxrod.Ritz(1))
+    driven = loaded(motion=jaxrod.Driven(lambda t: 15.7 * t), basis=jaxrod.Ritz(1))
     assert jaxrod.simulate(*in_type(dtype, (driven, driven.state())), t1=0.1).ok
 
 
 @pytest.mark.slow
-def test_drive_from_a_record(uniform):
+def test_drive_from_a_record():
     times = jnp.linspace(0.0, 0.5, 501)
-    formula = scene(uniform, motion=jaxrod.Driven(lambda t: 40 * t**2), basis=jaxrod.Ritz(2))
+    formula = loaded(motion=jaxrod.Driven(lambda t: 40 * t**2), basis=jaxrod.Ritz(2))
     found = [
         jaxrod.simulate(s, s.state(), t1=0.3).strain[-1]
         for s in (formula, dataclasses.replace(formula, motion=jaxrod.Driven(jaxrod.Record(times, 40 * times**2))))
     ]
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
-    kinked = scene(uniform, motion=jaxrod.Driven(lambda t: jnp.interp(t, times, 40 * times**2)), basis=jaxrod.Ritz(1))
+    kinked = loaded(motion=jaxrod.Driven(lambda t: jnp.interp(t, times, 40 * times**2)), basis=jaxrod.Ritz(1))
     with pytest.warns(UserWarning, match=r"jaxrod\.Record"):
         jaxrod.simulate(kinked, kinked.state(), t1=0.3)
 
@@ -275,12 +273,12 @@ def test_drive_from_a_record(uniform):
 # ---- records themselves
 
 
-def test_a_run_must_not_leave_a_record(uniform):
+def test_a_run_must_not_leave_a_record():
     times = jnp.linspace(0.0, 1.0, 101)
-    shaken = scene(uniform, jaxrod.ShakenBase(jaxrod.Record(times, jnp.stack([times**3, 0 * times], axis=1))))
+    shaken = loaded(jaxrod.ShakenBase(jaxrod.Record(times, jnp.stack([times**3, 0 * times], axis=1))))
     with pytest.raises(ValueError, match=r"does not reach over the run, from 0 to 1\.5 s"):
         jaxrod.simulate(shaken, shaken.state(), t1=1.5)
-    pushed = scene(uniform, jaxrod.Torque(jaxrod.Record(times, 1.0 + times)))
+    pushed = loaded(jaxrod.Torque(jaxrod.Record(times, 1.0 + times)))
     with pytest.raises(ValueError, match="does not reach over the run"):
         jaxrod.simulate(pushed, pushed.state(), t0=-1.0, t1=0.5)
     codes = jax.vmap(lambda t1: jaxrod.simulate(pushed, pushed.state(), t1=t1).result)(jnp.array([0.5, 1.5]))
@@ -304,11 +302,11 @@ def test_record_is_smooth_and_without_waves_at_jumps():
 
 
 @pytest.mark.slow
-def test_records_are_differentiable(uniform):
+def test_records_are_differentiable():
     times = jnp.linspace(0.0, 1.0, 21)
 
     def angle(strength, **how):
-        system = scene(uniform, jaxrod.Torque(jaxrod.Record(times, strength * jnp.sin(jnp.pi * times) ** 2)))
+        system = loaded(jaxrod.Torque(jaxrod.Record(times, strength * jnp.sin(jnp.pi * times) ** 2)))
         return jaxrod.simulate(system, system.state(), t1=1.0, **how).angle[-1]
 
     # Without gravity the angle is the load's, once more for a load of one.

@@ -20,6 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 
@@ -102,7 +103,7 @@ def forces(motion, basis, x):
     return given
 
 
-def scene(kind, basis, law, load, x):
+def drawn(kind, basis, law, load, x):
     section = jaxrod.Cone(x["root_radius"], x["tip_radius"])
     motion = {
         "rotation": jaxrod.Rotation,
@@ -117,8 +118,8 @@ def scene(kind, basis, law, load, x):
         # A number and a vector in turn: laws other than Hooke's take the vector.
         gravity = x["gravity"] if law == "hooke" else x["gravity_vector"][: motion.dimension]
         given = forces(motion, basis, x)
-    rod = jaxrod.Rod(1.0, section, x["young"], density=1200.0, law=getattr(jaxrod.law, law), **tip)
-    return jaxrod.System(rod, motion, basis, gravity, given)
+    rod = {"section": section, "young": x["young"], "law": getattr(jaxrod.law, law), **tip}
+    return scene(motion, basis, gravity, given, **rod)
 
 
 def start(system, x):
@@ -137,7 +138,7 @@ def balance(kind, basis, law, load):
     """Compiled: the terms of dE/dt, the power, and a natural energy times the rates, for where no term is left."""
 
     def terms(x):
-        system, t = scene(kind, BASES[basis], law, load, x), x["t"]
+        system, t = drawn(kind, BASES[basis], law, load, x), x["t"]
         equations = system.equations(jaxrod.default_chart(system))
         q, v = equations.encode(t, start(system, x))
         acceleration = equations.acceleration(t, q, v)

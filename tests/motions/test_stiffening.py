@@ -6,16 +6,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 
-ROD = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 1e5, 1200.0)
+UNIFORM = jaxrod.Uniform(0.025)
 SPRING = 1e5 * np.pi * 0.025**2 / 2  # N of the strain, E A / 2 L as a spring between the tip and a wall
-SOFT = jaxrod.System(jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 4e3, 1200.0), jaxrod.Rotation(), gravity=9.81)
+SOFT = scene(gravity=9.81, section=UNIFORM, young=4e3)
 
 
 def held_by(force, motion=None, basis=None):
-    return jaxrod.System(ROD, motion or jaxrod.Rotation(), basis or jaxrod.Ritz(2), forces=[force])
+    return scene(motion, basis or jaxrod.Ritz(2), forces=[force], section=UNIFORM, young=1e5)
 
 
 SPRUNG = held_by(jaxrod.TipForce(lambda t, state: -SPRING * state.strain))
@@ -93,4 +94,4 @@ def test_no_equilibrium_and_why(given, words):
 
 def test_a_spin_beyond_the_critical_one():
     with pytest.raises(ValueError, match="the rate of spin exceeds critical_rate"):
-        jaxrod.equilibrium(jaxrod.System(SOFT.rod, jaxrod.Rotation()), spin=30.0)
+        jaxrod.equilibrium(scene(rod=SOFT.rod), spin=30.0)

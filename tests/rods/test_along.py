@@ -8,24 +8,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import make_rod, scene
 
 import jaxrod
 from jaxrod import continuum
 from jaxrod.rods.resolution import Resolution
 
-STEEL = {"young": 2e11, "density": 7800.0}
 
-
-def rod(section, **numbers):
-    return jaxrod.Rod(**{"length": 1.0, "section": section, **STEEL, **numbers})
+def steel(section, **numbers):
+    return make_rod(section=section, **({"young": 2e11, "density": 7800.0} | numbers))
 
 
 def held(body, basis=None, pivot=None):
-    return jaxrod.System(body, jaxrod.Rotation() if pivot is None else jaxrod.Rotation(pivot), basis or jaxrod.Ritz(1))
+    return scene(jaxrod.Rotation(pivot), basis, rod=body)
 
 
 def exact(section, n=1, pivot=None, **numbers):
-    return continuum.natural_frequencies(held(rod(section, **numbers), pivot=pivot), n)
+    return continuum.natural_frequencies(held(steel(section, **numbers), pivot=pivot), n)
 
 
 def step(b, thick=4e-4):
@@ -84,7 +83,7 @@ CASES = {
 @pytest.mark.parametrize("name", CASES)
 def test_narrow_features_are_resolved(name):
     section, numbers, want = CASES[name]
-    body = rod(section, **numbers)
+    body = steel(section, **numbers)
     close(continuum.natural_frequencies(held(body), 3), want)
     close(continuum.natural_frequencies(held(body), 1), want[:1])
     close(jaxrod.natural_frequencies(held(body, jaxrod.LoadRitz(8)))[:2], want[:2], 1e-7)
@@ -92,7 +91,7 @@ def test_narrow_features_are_resolved(name):
 
 def test_a_step_without_breaks():
     """tan(0.43 x) tan(0.57 x) = 4, x = 2 pi f L / c."""
-    body = rod(step(0.43))
+    body = steel(step(0.43))
     close(body.mass, 7800 * (0.43 * 4e-4 + 0.57 * 1e-4), 1e-14)
     close(body.moment_of_inertia(), 7800 * (4e-4 * 0.43**3 + 1e-4 * (1 - 0.43**3)) / 3, 1e-14)
     close(body.breaks, 0.43, 1e-15)
@@ -110,22 +109,22 @@ def test_the_first_frequency_does_not_depend_on_how_many():
 def test_kinks_and_other_edges():
     """Where straight pieces meet, exactly; a narrow slot; a root of the distance from the tip."""
     x, area = np.linspace(0.0, 1.0, 21), 1e-4 * (1 + 0.3 * np.cos(np.arange(21.0)))
-    close(rod(lambda s: jnp.interp(s, x, area)).mass, 7800 * np.trapezoid(area, x), 1e-13)
-    close(rod(lambda s: 1e-4 * jnp.maximum(1.0, 2 - 3 * s)).volume, 1e-4 * (1 + 1 / 6), 1e-13)
-    slot = rod(lambda s: 1e-4 * jnp.where(jnp.abs(s - 0.3) < 4e-4, 0.1, 1.0))
+    close(steel(lambda s: jnp.interp(s, x, area)).mass, 7800 * np.trapezoid(area, x), 1e-13)
+    close(steel(lambda s: 1e-4 * jnp.maximum(1.0, 2 - 3 * s)).volume, 1e-4 * (1 + 1 / 6), 1e-13)
+    slot = steel(lambda s: 1e-4 * jnp.where(jnp.abs(s - 0.3) < 4e-4, 0.1, 1.0))
     close(slot.volume, 1e-4 * (1 - 0.9 * 8e-4), 1e-12)
-    close(rod(lambda s: 1e-4 * jnp.sqrt(1 - s)).volume, 1e-4 * 2 / 3, 1e-10)
-    pointed = rod(lambda s: 1e-3 * (1 - s) ** 2, young=1e7, density=1200.0)
+    close(steel(lambda s: 1e-4 * jnp.sqrt(1 - s)).volume, 1e-4 * 2 / 3, 1e-10)
+    pointed = steel(lambda s: 1e-3 * (1 - s) ** 2, young=1e7, density=1200.0)
     close(continuum.natural_frequencies(held(pointed), 1), np.sqrt(1e7 / 1200) / 2, 1e-9)
 
 
 def test_what_cannot_be_resolved_is_said():
     with pytest.warns(UserWarning, match=r"near s=0\.\d+ m: .* breaks="):
-        rod(lambda s: 1e-4 * (1 + jnp.floor(s * 300) % 2))
+        steel(lambda s: 1e-4 * (1 + jnp.floor(s * 300) % 2))
     with pytest.warns(UserWarning, match="breaks="):
-        rod(lambda s: 1e-4 * (1 + 0.5 * jnp.sin(1e5 * s)))
+        steel(lambda s: 1e-4 * (1 + 0.5 * jnp.sin(1e5 * s)))
     with pytest.raises(ValueError, match=r"section has area .* at s=0\.69"):
-        rod(lambda s: 1e-4 * (1 - 1.2 * jnp.exp(-(((s - 0.7) / 2e-3) ** 2))))
+        steel(lambda s: 1e-4 * (1 - 1.2 * jnp.exp(-(((s - 0.7) / 2e-3) ** 2))))
 
 
 def test_others_are_not_looked_at(monkeypatch):
@@ -140,7 +139,7 @@ def test_others_are_not_looked_at(monkeypatch):
         table,
         jaxrod.PiecewiseConstant([0.4], [2e-3, 1e-3]),
     ):
-        body = rod(section, young=jaxrod.PiecewiseConstant([0.7], [2e11, 7e10]))
+        body = steel(section, young=jaxrod.PiecewiseConstant([0.7], [2e11, 7e10]))
         assert body.resolution == Resolution()
         assert bool(body.valid())
 
@@ -149,7 +148,7 @@ def test_others_are_not_looked_at(monkeypatch):
 
 
 def test_known_functions_stay_resolved_where_other_numbers_are_traced():
-    body, want = rod(neck(0.01)), 1216.6037046
+    body, want = steel(neck(0.01)), 1216.6037046
 
     def first(body):
         return continuum.natural_frequencies(held(body), 1)[0]
@@ -184,7 +183,7 @@ def test_traced_functions_that_fixed_panels_do_not_resolve():
 
     @jax.jit
     def run(width):
-        system = held(rod(neck(width), young=2e9), jaxrod.LoadRitz(2))
+        system = held(steel(neck(width), young=2e9), jaxrod.LoadRitz(2))
         sol = jaxrod.simulate(system, system.state(rate=5.0), t1=0.01)
         return sol.result, jaxrod.natural_frequencies(system), system.rod.mass, system.rod.valid()
 
@@ -196,13 +195,13 @@ def test_traced_functions_that_fixed_panels_do_not_resolve():
 
 
 def test_a_rod_changed_after_it_was_looked_at():
-    body = rod(Necked(jnp.asarray(0.4)))
+    body = steel(Necked(jnp.asarray(0.4)))
     moved = eqx.tree_at(lambda x: x.section.function.at, body, jnp.asarray(0.7))
     assert bool(body.valid())
     assert not bool(moved.valid())
     assert np.isnan(moved.moment_of_inertia())
     assert np.isnan(continuum.natural_frequencies(held(moved), 1)).all()
-    rods = eqx.filter_vmap(lambda at: rod(Necked(at)))(jnp.array([0.4, 0.7]))
+    rods = eqx.filter_vmap(lambda at: steel(Necked(at)))(jnp.array([0.4, 0.7]))
     assert np.isnan(eqx.filter_vmap(lambda x: x.mass)(rods)).all()
 
 
@@ -222,7 +221,7 @@ def test_the_place_of_a_jump_is_not_a_number_under_jit():
     given = jax.grad(lambda b: exact(jaxrod.Profile(step(b), [0.43]))[0])
     assert np.isnan(given(0.43))
     assert np.isnan(jax.jit(given)(0.43))
-    body = rod(Stepped(jnp.asarray(0.43)))
+    body = steel(Stepped(jnp.asarray(0.43)))
     assert np.isnan(eqx.filter_grad(lambda x: x.mass)(body).section.function.at)
     close(eqx.filter_grad(lambda x: x.mass)(body).density, float(body.mass) / 7800)
 
@@ -246,7 +245,7 @@ def test_derivatives_by_what_is_no_place_of_a_jump():
 
 def table():
     section = jaxrod.Table([0.0, 0.3, 0.55, 1.0], radii=[0.02, 0.03, 0.02, 0.01])
-    return jaxrod.Rod(1.0, section, 1e7, 1200.0, tip_mass=0.4)
+    return make_rod(section=section, tip_mass=0.4)
 
 
 BASES = [
@@ -280,8 +279,8 @@ def test_by_the_place_of_a_steep_step(width, right):
 
 def test_by_a_pivot_on_a_kink_that_was_looked_for():
     """It is known to 1e-12 of the length alone, and no panel is left between the two."""
-    kinked = jaxrod.Rod(1.0, lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)), 1e7, 1200.0)
-    named = jaxrod.Rod(1.0, jaxrod.Profile(lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)), [0.4]), 1e7, 1200.0)
+    kinked = make_rod(section=lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)))
+    named = make_rod(section=jaxrod.Profile(lambda s: 1e-3 * (1 + jnp.abs(s - 0.4)), [0.4]))
     for rod in (kinked, named):
         close(
             jax.jacfwd(lambda p, rod=rod: jaxrod.natural_frequencies(held(rod, jaxrod.LoadRitz(2), p)))(0.4),
@@ -298,8 +297,8 @@ def test_by_a_pivot_on_a_kink_that_was_looked_for():
 @pytest.mark.slow
 def test_by_a_pivot_on_a_break():
     """Frequencies have a kink where rigidity jumps, and none where only a name is given to a place."""
-    stepped = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03), jaxrod.PiecewiseConstant([0.3], [1e7, 2e7]), 1200.0)
-    named = jaxrod.Rod(1.0, jaxrod.Profile(lambda s: 1e-3 * jnp.exp(s), [0.3, 0.6]), 1e7, 1200.0)
+    stepped = make_rod(young=jaxrod.PiecewiseConstant([0.3], [1e7, 2e7]))
+    named = make_rod(section=jaxrod.Profile(lambda s: 1e-3 * jnp.exp(s), [0.3, 0.6]))
     bases = {"uniform": jaxrod.Ritz(1), "pieces": jaxrod.Ritz(2), "loads": jaxrod.LoadRitz(2)}
 
     def slope(body, basis):
@@ -334,14 +333,14 @@ def test_by_the_length_where_the_table_ends_and_by_its_positions():
 @pytest.mark.parametrize("basis", [jaxrod.ForceRitz(1), jaxrod.ForceRitz(3), jaxrod.QuasiStatic(jaxrod.ForceRitz(2))])
 def test_a_constant_force_and_a_point(basis):
     with pytest.raises(ValueError, match="comes to a point"):
-        held(rod(jaxrod.Cone(0.026, 0.0)), basis)
+        held(steel(jaxrod.Cone(0.026, 0.0)), basis)
     with pytest.raises(ValueError, match="comes to a point"):
-        held(rod(lambda s: 1e-3 * (1 - s) ** 2), basis)
+        held(steel(lambda s: 1e-3 * (1 - s) ** 2), basis)
 
 
 def test_a_constant_force_and_a_traced_point():
     tips = jnp.array([0.0, 1e-3])
-    got = jax.vmap(lambda tip: jaxrod.natural_frequencies(held(rod(jaxrod.Cone(0.026, tip)), jaxrod.ForceRitz(2))))(
+    got = jax.vmap(lambda tip: jaxrod.natural_frequencies(held(steel(jaxrod.Cone(0.026, tip)), jaxrod.ForceRitz(2))))(
         tips
     )
     assert np.isnan(got[0]).all()
@@ -351,11 +350,11 @@ def test_a_constant_force_and_a_traced_point():
 def test_too_fast_a_composite_is_warned_of():
     fast = jaxrod.PiecewiseConstant([0.5], [1e12, 2e12])
     with pytest.warns(UserWarning, match="beyond any solid"):
-        rod(jaxrod.Uniform(0.01), young=fast, density=jaxrod.PiecewiseConstant([0.5], [1e3, 1e3]))
+        steel(jaxrod.Uniform(0.01), young=fast, density=jaxrod.PiecewiseConstant([0.5], [1e3, 1e3]))
 
 
 def test_smooth_functions_need_nothing():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        found = rod(lambda s: 1e-3 * jnp.exp(-s)).resolution
+        found = steel(lambda s: 1e-3 * jnp.exp(-s)).resolution
     assert dataclasses.replace(found, place=0.0) == Resolution()

@@ -12,11 +12,13 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.linalg
+from conftest import make_rod, scene
 
 import jaxrod
 
 GRAVITY = 9.81
 N = 30
+HEAVY = {"tip_mass": 0.3, "tip_inertia": 0.01}
 
 
 def assert_same(got, want, tolerance=1e-10, what=""):
@@ -27,14 +29,6 @@ def assert_same(got, want, tolerance=1e-10, what=""):
         np.testing.assert_allclose(
             a, b, rtol=0, atol=tolerance * max(np.max(np.abs(b), initial=0), 1e-300), err_msg=what
         )
-
-
-def rod(section=None, **keywords):
-    return jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.03) if section is None else section, 1e7, 1200.0, **keywords)
-
-
-def heavy():
-    return rod(tip_mass=0.3, tip_inertia=0.01)
 
 
 def numbers(n, seed=1):
@@ -81,7 +75,7 @@ def test_planar_motion_is_spherical_motion_confined(basis):
         pulls = [jaxrod.TipForce(pull)], [jaxrod.TipForce(lifted(pull, azimuth))]
         motions = jaxrod.Rotation(0.3), jaxrod.Spherical(0.3)
         plane, space = (
-            jaxrod.System(heavy(), motion, basis, GRAVITY, rubbing + torque + tip)
+            scene(motion, basis, GRAVITY, rubbing + torque + tip, **HEAVY)
             for motion, torque, tip in zip(motions, torques, pulls, strict=True)
         )
         flat = growth(plane, jaxrod.Angles(), t, plane.state(**given))
@@ -96,10 +90,10 @@ def test_planar_motion_is_spherical_motion_confined(basis):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("basis", [BASES["Ritz(3)"], BASES["ForceRitz(3)"]], ids=["Ritz", "ForceRitz"])
-def test_a_planar_run_is_a_spherical_run(basis, cone):
+def test_a_planar_run_is_a_spherical_run(basis):
     """A quarter of a second, past the pole; `Ritz(1)` is run in test_charts."""
     ts, azimuth, given = np.array([0.1, 0.25]), 0.5, {"angle": 0.9, "rate": 12.0, "strain": 0.02}
-    plane, space = (jaxrod.System(cone, motion, basis, GRAVITY) for motion in (jaxrod.Rotation(), jaxrod.Spherical()))
+    plane, space = (scene(motion, basis, GRAVITY) for motion in (jaxrod.Rotation(), jaxrod.Spherical()))
     flat = jaxrod.simulate(plane, plane.state(**given), ts=ts, tolerance=1e-12).states
     turned = jaxrod.simulate(space, space.state(**given, azimuth=azimuth), ts=ts, tolerance=1e-12).states
     want = jax.vmap(lambda d: lifted(d, azimuth))(flat.direction)
@@ -114,7 +108,7 @@ PIVOT = 0.55
 
 def stepped():
     steps = jaxrod.PiecewiseConstant([0.35], [2e-3, 1e-3])
-    return jaxrod.Rod(1.0, steps, jaxrod.PiecewiseConstant([0.35], [1e7, 3e7]), 1200.0, tip_mass=0.3)
+    return make_rod(section=steps, young=jaxrod.PiecewiseConstant([0.35], [1e7, 3e7]), tip_mass=0.3)
 
 
 @pytest.mark.parametrize("kind", [jaxrod.Ritz, jaxrod.ForceRitz])
@@ -124,7 +118,7 @@ def stepped():
 )
 def test_a_rung_contains_the_one_below(kind, where):
     """Projections are leading blocks, and a state of the lower rung has, with zeros appended, the same energies."""
-    made, highest = (rod(), 4) if where.startswith("cone") else (stepped(), 7)
+    made, highest = (make_rod(), 4) if where.startswith("cone") else (stepped(), 7)
     motion = {"root": jaxrod.Rotation(), "pivot": jaxrod.Rotation(PIVOT), "flight": jaxrod.Flight()}[where.split()[-1]]
     rng = np.random.default_rng(2)
     a, da = rng.uniform(-0.05, 0.05, highest), rng.normal(0, 5, highest)
@@ -134,7 +128,7 @@ def test_a_rung_contains_the_one_below(kind, where):
     def all_rungs(a, da):
         found = []
         for n in rungs:
-            system = jaxrod.System(made, motion, kind(n), GRAVITY)
+            system = scene(motion, kind(n), GRAVITY, rod=made)
             place = {"center": (0.2, 0.3)} if where.endswith("flight") else {}
             keep = np.arange(n) < rungs[0]
             state = system.state(angle=0.4, rate=9.0, amplitudes=a[:n] * keep, amplitude_rates=da[:n] * keep, **place)
@@ -166,7 +160,7 @@ def test_equal_steps_are_no_steps():
     and the rungs of both converge to the same ones.
     """
     area = np.pi * 0.025**2
-    plain = jaxrod.Rod(1.0, jaxrod.Uniform(0.025), 1e7, 1200.0, tip_mass=0.3)
+    plain = make_rod(section=jaxrod.Uniform(0.025), tip_mass=0.3)
     equal = [jaxrod.PiecewiseConstant([s], [x, x]) for s, x in ((0.3, area), (0.3, 1e7), (0.6, 1200.0))]
     pieces = jaxrod.Rod(1.0, *equal, tip_mass=0.3)
     assert pieces.breaks == (0.3, 0.6)
@@ -175,13 +169,13 @@ def test_equal_steps_are_no_steps():
     def read():
         found = []
         for made in (plain, pieces):
-            system = jaxrod.System(made, jaxrod.Rotation())
+            system = scene(rod=made)
             numbers = made.mass, made.center_of_mass, made.moment_of_inertia(), made.stiffness, made.wave_speed
             firsts = [kind(1).project(made) for kind in (jaxrod.Ritz, jaxrod.ForceRitz)]
             blocks = [(body.mass_matrix, body.stiffness_matrix, body.first_moments, body.tip) for body in firsts]
             found.append((numbers, blocks, jaxrod.continuum.natural_frequencies(system, 3)))
         rungs = [(plain, jaxrod.Ritz(2)), (pieces, jaxrod.Ritz(6)), (plain, jaxrod.Ritz(10)), (pieces, jaxrod.Ritz(18))]
-        return found, [jaxrod.natural_frequencies(jaxrod.System(made, jaxrod.Rotation(), rung)) for made, rung in rungs]
+        return found, [jaxrod.natural_frequencies(scene(basis=rung, rod=made)) for made, rung in rungs]
 
     (want, got), (coarse, within, fine, finer) = jax.tree.map(np.asarray, read())
     assert_same(got, want)
@@ -194,9 +188,9 @@ def test_equal_steps_are_no_steps():
 
 
 @pytest.mark.slow
-def test_flight_without_spin_is_the_free_rod(cone):
+def test_flight_without_spin_is_the_free_rod():
     """The rungs' frequencies converge to the exact ones, which are of both free ends; a mode is a cosine."""
-    fine, system = (jaxrod.System(cone, jaxrod.Flight(), jaxrod.Ritz(n)) for n in (12, 3))
+    fine, system = (scene(jaxrod.Flight(), jaxrod.Ritz(n)) for n in (12, 3))
 
     @jax.jit
     def read():
@@ -225,9 +219,9 @@ def swaying(t):
 def test_a_drive_is_the_torque_that_it_asks_for(basis):
     """Driven, and turned freely by the torque of that drive: the strain does the same, the angle what it is told."""
     load = [jaxrod.PivotFriction(0.3), jaxrod.TipForce([20.0, -10.0]), jaxrod.KelvinVoigt(1e-3)]
-    driven = jaxrod.System(heavy(), jaxrod.Driven(swaying, pivot=0.3), basis, GRAVITY, load)
+    driven = scene(jaxrod.Driven(swaying, pivot=0.3), basis, GRAVITY, load, **HEAVY)
     motor = jaxrod.Torque(lambda t, state: driven.drive_torque(t, state))
-    free = jaxrod.System(heavy(), jaxrod.Rotation(0.3), basis, GRAVITY, [*load, motor])
+    free = scene(jaxrod.Rotation(0.3), basis, GRAVITY, [*load, motor], **HEAVY)
 
     def both(t, amplitudes, amplitude_rates):
         angle, rate, acceleration = driven.motion.turning(t)
@@ -248,8 +242,8 @@ def test_a_drive_is_the_torque_that_it_asks_for(basis):
 def test_a_steady_drive_is_free_turning():
     """The strain's acceleration does not ask who keeps the rate; for uniform strain it is W^2 (1 + e) - k e."""
     basis, spin = jaxrod.Ritz(2), 17.0
-    driven = jaxrod.System(rod(), jaxrod.Driven(lambda t: spin * t), basis)
-    free = jaxrod.System(rod(), jaxrod.Rotation(), basis)
+    driven = scene(jaxrod.Driven(lambda t: spin * t), basis)
+    free = scene(basis=basis)
 
     def both(t, amplitudes, rates):
         q, v = jnp.concatenate([(spin * t)[None], amplitudes]), jnp.concatenate([jnp.array([spin]), rates])
@@ -259,7 +253,7 @@ def test_a_steady_drive_is_free_turning():
     t, given, _ = numbers(2)
     want, got = over_states(both, t, given["amplitudes"], given["amplitude_rates"])
     assert_same(got, want)
-    one = jaxrod.System(rod(), jaxrod.Driven(lambda t: spin * t))
+    one = scene(jaxrod.Driven(lambda t: spin * t))
     e, k = given["amplitudes"][:, 0], (2 * np.pi * float(jaxrod.natural_frequencies(one)[0])) ** 2
 
     def uniform(t, e):
@@ -303,13 +297,13 @@ SLOW = [("plane", 0), ("plane", 1), ("flight", 0), ("flight", 3)]  # the others 
 @pytest.mark.filterwarnings("ignore:KelvinVoigt:UserWarning")  # of the rigid rod
 def test_charts_give_one_acceleration(motion, n):
     """With every force and a body at the tip; with one strain and no inertia of that body's, `Embedded` too."""
-    bodies = [heavy()] if n != 1 else [heavy(), rod(tip_mass=0.3)]
+    bodies = [make_rod(**HEAVY)] if n != 1 else [make_rod(**HEAVY), make_rod(tip_mass=0.3)]
     charts = [[jaxrod.Angles(), jaxrod.Director()], [jaxrod.Angles(), jaxrod.Embedded()]]
 
     def all_charts(t, given):
         found = []
         for made, each in zip(bodies, charts, strict=False):
-            system = jaxrod.System(made, motion, jaxrod.Ritz(n), GRAVITY, every_force(motion))
+            system = scene(motion, jaxrod.Ritz(n), GRAVITY, every_force(motion), rod=made)
             state = system.state(**given)
             found.append([growth(system, chart, t, state) for chart in each])
         return found
@@ -331,7 +325,7 @@ def test_static_uniform_strain_by_hand(cone):
 
     With r = 1 + strain, k the square of the axial frequency and gamma = S g / I.
     """
-    system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.QuasiStatic(jaxrod.Ritz(1)), GRAVITY)
+    system = scene(basis=jaxrod.QuasiStatic(jaxrod.Ritz(1)), gravity=GRAVITY)
     inertia = float(cone.moment_of_inertia())
     k, gamma = float(cone.stiffness) / inertia, float(cone.first_moment()) * GRAVITY / inertia
     rng = np.random.default_rng(3)
@@ -363,27 +357,25 @@ def test_nothing_is_nothing():
     A pivot that is only later known to be the root leaves a piece of no length, whose shapes are at rest: of the four
     on both pieces (constants, then degree one) the first and the last are those of `Ritz(2)`.
     """
-    down, rotation, two = [0.0, -GRAVITY], jaxrod.Rotation(), jaxrod.Ritz(2)
-    plain = rod(), rotation, two, GRAVITY
+    plain = {"basis": jaxrod.Ritz(2), "gravity": GRAVITY, "rod": make_rod()}
     same = [
-        (rod(tip_mass=0.0), rotation, two, GRAVITY),
-        (rod(tip_mass=0.0, tip_inertia=0.0), rotation, two, GRAVITY),
-        (rod(), rotation, two, down),
-        (rod(), jaxrod.Rotation(pivot=0.0), two, GRAVITY),
-        (rod(), jaxrod.Rotation(None), two, GRAVITY),
+        plain | {"rod": make_rod(tip_mass=0.0)},
+        plain | {"rod": make_rod(tip_mass=0.0, tip_inertia=0.0)},
+        plain | {"gravity": [0.0, -GRAVITY]},
+        plain | {"motion": jaxrod.Rotation(pivot=0.0)},
+        plain | {"motion": jaxrod.Rotation(None)},
     ]
 
     @jax.jit
     def all_of(pivot, t, given):
-        traced = rod(), jaxrod.Rotation(pivot), jaxrod.Ritz(4), GRAVITY
+        traced = {"motion": jaxrod.Rotation(pivot), "basis": jaxrod.Ritz(4), "gravity": GRAVITY}
         padded = {k: x if x.ndim == 1 else jnp.stack([x[:, 0], 0 * t, 0 * t, x[:, 1]], 1) for k, x in given.items()}
 
-        def one(scene, t, given):
-            system = jaxrod.System(*scene)
-            return growth(system, jaxrod.Angles(), t, system.state(**given))
+        def over(said, t, given):
+            system = scene(**said)
+            return jax.vmap(lambda t, given: growth(system, jaxrod.Angles(), t, system.state(**given)))(t, given)
 
-        over = jax.vmap(one, in_axes=(None, 0, 0))
-        return [over(scene, t, given) for scene in (plain, *same)], over(traced, t, padded)
+        return [over(said, t, given) for said in (plain, *same)], over(traced, t, padded)
 
     t, given, _ = numbers(2)
     (want, *found), traced = jax.tree.map(np.asarray, all_of(0.0, t, given))
@@ -410,15 +402,15 @@ def test_closed_forms_invert_the_mass_matrix(n):
         "driven": [jaxrod.Strains()],
     }
     motions = {**MOTIONS, "driven": jaxrod.Driven(swaying, pivot=0.3)}
-    scenes = [(heavy(), motions[name], chart) for name, each in charts.items() for chart in each]
+    scenes = [(make_rod(**HEAVY), motions[name], chart) for name, each in charts.items() for chart in each]
     if n == 1:
-        scenes += [(rod(tip_mass=0.3), motion, jaxrod.Embedded()) for motion in MOTIONS.values()]
+        scenes += [(make_rod(tip_mass=0.3), motion, jaxrod.Embedded()) for motion in MOTIONS.values()]
 
     @jax.jit
     def products():
         found = []
         for k, (made, motion, chart) in enumerate(scenes):
-            system = jaxrod.System(made, motion, jaxrod.Ritz(n))
+            system = scene(motion, jaxrod.Ritz(n), rod=made)
             equations = system.equations(chart)
             size = chart.size(motion) + (n if not isinstance(chart, jaxrod.Embedded) else 0)
             size += 2 * isinstance(motion, jaxrod.Flight)
@@ -437,7 +429,7 @@ def test_static_strain_under_a_force_that_depends_on_it(uniform):
     """A spring at the tip, F = -5000 strain: (C + 5000 - I w^2) a = I w^2 - S g sin psi, and its equilibrium hanging."""
     spring = jaxrod.TipForce(lambda t, state: -5000.0 * state.strain)
     basis = jaxrod.QuasiStatic(jaxrod.Ritz(1))
-    system = jaxrod.System(uniform, jaxrod.Rotation(), basis, gravity=9.81, forces=[spring])
+    system = scene(basis=basis, gravity=9.81, forces=[spring], rod=uniform)
     strain = system.equations(jaxrod.Angles()).strain(0.1, jnp.array([0.4]), jnp.array([20.0]))[0]
     inertia, moment, stiffness = uniform.moment_of_inertia(), uniform.first_moment(), uniform.stiffness
     load = inertia * 400 - moment * 9.81 * jnp.sin(0.4)
@@ -446,12 +438,12 @@ def test_static_strain_under_a_force_that_depends_on_it(uniform):
 
 def test_a_rigid_driven_rod(uniform):
     """No coordinate is left: the run is the drive, its torque I psi'', and there are no modes."""
-    system = jaxrod.System(uniform, jaxrod.Driven(lambda t: 40.0 * t**2), jaxrod.Ritz(0))
+    system = scene(jaxrod.Driven(lambda t: 40.0 * t**2), jaxrod.Ritz(0), rod=uniform)
     sol = jaxrod.simulate(system, system.state(), ts=jnp.array([0.1, 0.2]))
     np.testing.assert_allclose(sol.angle, [0.4, 1.6], rtol=1e-14)
     torque = system.drive_torque(0.2, sol.states[-1])
     np.testing.assert_allclose(torque, 80 * uniform.moment_of_inertia(), rtol=1e-13)
-    steady = jaxrod.System(uniform, jaxrod.Driven(lambda t: 40.0 * t), jaxrod.Ritz(0))
+    steady = scene(jaxrod.Driven(lambda t: 40.0 * t), jaxrod.Ritz(0), rod=uniform)
     assert jaxrod.modes(steady).frequency.shape == (0,)
 
 
@@ -459,12 +451,12 @@ def test_a_traced_pivot_at_the_root_is_none(uniform):
     """What a side of no length would add is rounding, and stays empty: the first two shapes are those without it."""
 
     def frequencies(pivot, n):
-        return jaxrod.natural_frequencies(jaxrod.System(uniform, jaxrod.Rotation(pivot), jaxrod.LoadRitz(n)))
+        return jaxrod.natural_frequencies(scene(jaxrod.Rotation(pivot), jaxrod.LoadRitz(n), rod=uniform))
 
     traced = jax.jit(lambda pivot: frequencies(pivot, 4))(0.0)
     np.testing.assert_allclose(traced[:2], frequencies(0.0, 2), rtol=1e-12)
     assert np.all(np.isinf(traced[2:]))
-    assert jaxrod.natural_frequencies(jaxrod.System(uniform, jaxrod.Rotation(), jaxrod.ForceRitz(0))).shape == (0,)
+    assert jaxrod.natural_frequencies(scene(basis=jaxrod.ForceRitz(0), rod=uniform)).shape == (0,)
 
 
 @pytest.mark.parametrize(
@@ -474,9 +466,9 @@ def test_many_states_give_what_few_give(kind):
     """Of a system known to the compiler: XLA:CPU once got known equal moments wrong over 2500 lanes."""
     system = {
         "lumped": jaxrod.paper.literal,
-        "uniform strain": lambda: jaxrod.System(rod(), jaxrod.Rotation(), jaxrod.Ritz(1), GRAVITY),
-        "flight": lambda: jaxrod.System(rod(law=jaxrod.law.neo_hookean), jaxrod.Flight(), jaxrod.Ritz(1), GRAVITY),
-        "many shapes": lambda: jaxrod.System(rod(), jaxrod.Rotation(pivot=0.3), jaxrod.LoadRitz(3), GRAVITY),
+        "uniform strain": lambda: scene(gravity=GRAVITY),
+        "flight": lambda: scene(jaxrod.Flight(), gravity=GRAVITY, law=jaxrod.law.neo_hookean),
+        "many shapes": lambda: scene(jaxrod.Rotation(pivot=0.3), jaxrod.LoadRitz(3), GRAVITY),
     }[kind]()
     rng, many, n = np.random.default_rng(3), 5000, system.basis.n
 

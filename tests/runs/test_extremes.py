@@ -25,10 +25,6 @@ GRAVITY = 9.81
 TIMES = jnp.linspace(0.0, 1.0, 41)  # always as many: runs of one structure and one shape are compiled once
 
 
-def _system(rod, motion=None, n=1, gravity: float | None = GRAVITY):
-    return jaxrod.System(rod, motion or jaxrod.Rotation(), jaxrod.Ritz(n), gravity)
-
-
 def _axial_rate(system):
     """Natural strain rate in rad/s."""
     return 2 * np.pi * float(jaxrod.natural_frequencies(system)[0])
@@ -43,7 +39,7 @@ def _pendulum(rod):
 
 
 @pytest.mark.parametrize("exponent", range(3, 16))
-def test_young_over_twelve_decades(cone, exponent):
+def test_young_over_twelve_decades(scene, cone, exponent):
     """20 axial periods, spinning at a fifth of the axial rate: the default keeps its 1e-8 from 1e3 to 1e15 Pa.
 
     At 1e4 Pa the rod hangs stretched by 70 %; at 1e15 Pa strains are a hundred-millionth of the swing's.  Steps are counted in
@@ -52,7 +48,7 @@ def test_young_over_twelve_decades(cone, exponent):
     young = 10.0**exponent
     no_solid = np.sqrt(young / cone.density) > 2e4
     with pytest.warns(UserWarning, match="beyond any solid") if no_solid else contextlib.nullcontext():
-        system = _system(dataclasses.replace(cone, young=young))
+        system = scene(gravity=GRAVITY, young=young)
     omega = _axial_rate(system)
     start = system.state(angle=-1.0, rate=0.2 * omega, strain=0.01)
     ts = 20 * 2 * np.pi / omega * TIMES
@@ -69,13 +65,13 @@ def test_young_over_twelve_decades(cone, exponent):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("times_critical", [0.5, 1.0, 3.0])
-def test_free_spin_far_above_the_critical_rate(cone, times_critical):
+def test_free_spin_far_above_the_critical_rate(scene, times_critical):
     """A rod let spin freely is stable at any rate: stretching slows it down.
 
     Released unstretched, its strain swings between 0 and the root of e (1 + e)^2 = (W / omega)^2 (2 + e), which is
     conservation of energy and angular momentum.  (A rod *driven* at the critical rate would stretch without bound.)
     """
-    system = _system(cone, gravity=None)
+    system = scene()
     rate = times_critical * 2 * np.pi * float(jaxrod.continuum.natural_frequencies(system, 1)[0])
     omega = _axial_rate(system)
     ratio = (rate / omega) ** 2
@@ -98,13 +94,13 @@ def test_free_spin_far_above_the_critical_rate(cone, times_critical):
 @pytest.mark.parametrize(
     "chart", [jaxrod.Angles(), jaxrod.Embedded(), jaxrod.Director()], ids=lambda c: type(c).__name__
 )
-def test_radial_fall_to_collapse(cone, chart):
+def test_radial_fall_to_collapse(scene, chart):
     """Thrown inwards three times too fast, without spin, the rod reaches strain -1 in finite time.
 
     There the model ends: the run stops at the right time, what came before is right, what comes after is NaN, and the
     error carries it all.
     """
-    system = _system(cone, gravity=None)
+    system = scene()
     omega = _axial_rate(system)
     start = system.state(angle=0.7, strain=0.2, strain_rate=-3 * omega)
     # strain = 0.2 cos(omega t) - 3 sin(omega t) = amplitude cos(omega t + phase)
@@ -127,9 +123,9 @@ def test_radial_fall_to_collapse(cone, chart):
 # ---- standing upright
 
 
-def test_upright_equilibrium(cone):
+def test_upright_equilibrium(scene, cone):
     """Upright, pressed by its weight to strain -s, the rod stands; nudged, it falls at sqrt(gamma / (1 - s))."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     inertia, moment, stiffness = _pendulum(cone)
     s = GRAVITY * moment / stiffness
     growth = np.sqrt(GRAVITY * moment / inertia / (1 - s))
@@ -148,11 +144,11 @@ def test_upright_equilibrium(cone):
 # ---- no gravity
 
 
-def test_zero_gravity_is_no_gravity(cone):
+def test_zero_gravity_is_no_gravity(scene):
     """gravity=None leaves the term out, gravity=0.0 multiplies it by zero: the same motion."""
     without, zero = (
         jaxrod.simulate(system, system.state(angle=0.3, rate=15.0, strain=0.02), ts=TIMES)
-        for system in (_system(cone, gravity=gravity) for gravity in (None, 0.0))
+        for system in (scene(gravity=gravity) for gravity in (None, 0.0))
     )
     np.testing.assert_allclose(without.tip, zero.tip, rtol=0, atol=1e-11)
     np.testing.assert_allclose(without.energy, zero.energy, rtol=1e-12)
@@ -169,9 +165,9 @@ def test_zero_gravity_is_no_gravity(cone):
     ],
     ids=lambda x: type(x).__name__,
 )
-def test_float32(cone, motion, numbers):
+def test_float32(scene, motion, numbers):
     """In half the digits, some 45 axial periods: every tip within 1e-4 m of float64, and everything is float32."""
-    system = _system(cone, motion)
+    system = scene(motion, gravity=GRAVITY)
     start = system.state(**numbers)
     ts = 2 * TIMES
     double = jaxrod.simulate(system, start, ts=ts)
@@ -182,15 +178,15 @@ def test_float32(cone, motion, numbers):
     np.testing.assert_allclose(single.angle, double.angle, rtol=0, atol=1e-4)
 
 
-def test_a_run_shorter_than_a_period(cone):
+def test_a_run_shorter_than_a_period(scene):
     """A tenth of one, and a hundredth: equal steps are trusted in either float type, as nothing gets stretched in it."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     start = system.state(angle=0.3, rate=2.0)
     for dtype in (jnp.float64, jnp.float32):
-        scene = jax.tree.map(lambda x, dtype=dtype: x.astype(dtype), (system, start))
+        given = jax.tree.map(lambda x, dtype=dtype: x.astype(dtype), (system, start))
         for part in (0.1, 0.01):
             end = part * 2 * np.pi / _axial_rate(system)
-            sol = jax.jit(lambda scene, end: jaxrod.simulate(*scene, t1=end))(scene, jnp.asarray(end, dtype))
+            sol = jax.jit(lambda given, end: jaxrod.simulate(*given, t1=end))(given, jnp.asarray(end, dtype))
             assert sol.result == Result.ok
 
 
@@ -198,11 +194,11 @@ def test_a_run_shorter_than_a_period(cone):
     ("strain", "lost"),
     [(1e-2, 9.5367431640625e-7), (1e-4, 1.659393310546875e-4), (1e-6, 0.04632568359375), (5e-8, 1.0)],
 )
-def test_small_strains_in_float32(cone, strain, lost):
+def test_small_strains_in_float32(scene, strain, lost):
     """Recovered from 1 + eps a strain is off by `lost` (truth.json, float32_one_plus_eps); the default's steps keep it."""
     recovered = np.float32(1) + np.float32(strain) - np.float32(1)
     np.testing.assert_allclose(abs(recovered / strain - 1), lost, rtol=1e-6)
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     system, start = jax.tree.map(lambda x: x.astype(jnp.float32), (system, system.state(rate=15.0, strain=strain)))
     split = system.split(start)
     back = split.decode(jnp.float32(0), split.encode(start), start.turns)
@@ -212,10 +208,10 @@ def test_small_strains_in_float32(cone, strain, lost):
 # ---- rigid
 
 
-def test_rigid_pendulum(cone):
+def test_rigid_pendulum(scene, cone):
     """Ritz(0) in the plane: let go at the horizontal it is back after one period, agm(1, cos 45 deg) in closed form."""
     inertia, moment, _ = _pendulum(cone)
-    system = _system(cone, n=0)
+    system = scene(basis=jaxrod.Ritz(0), gravity=GRAVITY)
     a, b = 1.0, np.cos(np.pi / 4)
     for _ in range(6):
         a, b = (a + b) / 2, np.sqrt(a * b)
@@ -226,9 +222,9 @@ def test_rigid_pendulum(cone):
     np.testing.assert_array_equal(sol.strain, 0.0)
 
 
-def test_rigid_flight(cone):
+def test_rigid_flight(scene):
     """Ritz(0) in flight: uniform turning on a parabola."""
-    system = _system(cone, jaxrod.Flight(), n=0)
+    system = scene(jaxrod.Flight(), jaxrod.Ritz(0), gravity=GRAVITY)
     start = system.state(angle=0.5, rate=20.0, center=(1.0, 2.0), center_velocity=(3.0, 4.0))
     ts = 3 * TIMES
     sol = jaxrod.simulate(system, start, ts=ts)
@@ -238,12 +234,12 @@ def test_rigid_flight(cone):
 
 
 @pytest.mark.parametrize("n", [0, 1])
-def test_through_the_pole(cone, n):
+def test_through_the_pole(scene, n):
     """In space, thrown over the top in a vertical plane: the pole is no place of its own.
 
     The same motion as in the plane; the azimuth jumps by half a turn there, and the angle folds back.
     """
-    space, plane = _system(cone, jaxrod.Spherical(), n=n), _system(cone, n=n)
+    space, plane = (scene(motion, jaxrod.Ritz(n), gravity=GRAVITY) for motion in (jaxrod.Spherical(), None))
     ts = 1.5 * TIMES
     over = jaxrod.simulate(space, space.state(angle=1.2, rate=9.0), ts=ts)
     flat = jaxrod.simulate(plane, plane.state(angle=1.2, rate=9.0), ts=ts)
@@ -258,12 +254,12 @@ def test_through_the_pole(cone, n):
 
 
 @pytest.mark.parametrize(("young", "solver"), [(1e9, None), (1e11, None), (1e9, diffrax.Euler())])
-def test_steps_beyond_the_stability_limit(cone, young, solver):
+def test_steps_beyond_the_stability_limit(scene, young, solver):
     """200 steps of 0.05 s, 70 or 700 radians of the axial vibration each: never a silent NaN.
 
     Euler's strain grows so slowly that it passes -1 on its way: `collapsed` then is what was computed.
     """
-    system = _system(dataclasses.replace(cone, young=young))
+    system = scene(gravity=GRAVITY, young=young)
     start = system.state(rate=15.0)
     with pytest.raises(jaxrod.SimulationError) as caught:
         jaxrod.simulate(system, start, ts=10 * TIMES, n_steps=200, solver=solver)
@@ -274,9 +270,9 @@ def test_steps_beyond_the_stability_limit(cone, young, solver):
     assert np.isnan(sol.strain[-1])
 
 
-def test_max_steps(cone):
+def test_max_steps(scene):
     """A run that is cut off says so, keeps what it had, and the message says what to do."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     start, ts = system.state(rate=15.0), TIMES
     with pytest.raises(jaxrod.SimulationError, match=r"stopped at max_steps.*raise max_steps") as caught:
         jaxrod.simulate(system, start, ts=ts, max_steps=50)
@@ -300,9 +296,9 @@ def test_max_steps(cone):
         pytest.param(jaxrod.Driven(lambda t: 15 * t), marks=pytest.mark.slow),
     ],
 )
-def test_ledger(cone, motion):
+def test_ledger(scene, motion):
     """What is kept is kept to the promise, and None where the scene need not keep it; `vmap` gives a number a scene."""
-    system = _system(cone, motion)
+    system = scene(motion, gravity=GRAVITY)
     driven, space = isinstance(motion, jaxrod.Driven), isinstance(motion, jaxrod.Spherical)
     start = system.state(**({} if driven else {"rate": 15.0}), strain=-0.1)
     book = jaxrod.simulate(system, start, ts=TIMES).ledger
@@ -320,9 +316,9 @@ def test_ledger(cone, motion):
         assert many.ledger.energy.shape == (2,) and "the worst of 2 scenes" in str(many.ledger)
 
 
-def test_ledger_sees_a_method_that_loses_energy(cone):
+def test_ledger_sees_a_method_that_loses_energy(scene):
     """A few hundred steps of Heun's method heat the vibration: the ledger says by how much."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     sol = jaxrod.simulate(system, system.state(rate=15.0), ts=TIMES, solver=diffrax.Heun(), n_steps=400)
     np.testing.assert_allclose(sol.ledger.energy, np.max(np.abs(sol.energy - sol.energy[0])) / _scale(sol), rtol=1e-9)
     assert sol.ledger.energy > 1e-6
@@ -333,15 +329,13 @@ def _scale(sol):
     return np.max(sum(parts) + np.abs(jax.vmap(sol.system.gravity_energy)(sol.states)))
 
 
-CHAOS = {"young": 17658.0, "density": 1200.0, "length": 1.0}  # sags by a third: swing to strain is 1 : 2
-
-
-def test_horizon_of_a_chaotic_swing():
+def test_horizon_of_a_chaotic_swing(scene):
     """Distances grow at about 0.053 of the axial rate (to one digit), and two runs part where the horizon says.
 
     Reference: two Taylor runs of 200 bits; the motion itself is that of `test_chaos`.
     """
-    system = _system(jaxrod.Rod(section=jaxrod.Uniform(0.025), **CHAOS))
+    # It sags by a third: swing to strain is 1 : 2.
+    system = scene(gravity=GRAVITY, section=jaxrod.Uniform(0.025), young=17658.0)
     start = system.state(angle=-np.pi / 2, strain=1 / 3, rate=2.7, strain_rate=-4.8)
     found = jaxrod.horizon(system, start, t1=24.0, tolerance=1e-8)
     assert found.result == Result.ok
@@ -356,9 +350,9 @@ def test_horizon_of_a_chaotic_swing():
     assert (apart < 1.01 * found.growth[:500]).all() and apart[-1] > 0.02 * found.growth[499]
 
 
-def test_horizon_of_a_regular_swing(cone):
+def test_horizon_of_a_regular_swing(scene):
     """Distances grow in proportion to time: their rate falls as its inverse, and the horizon is far."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     start = system.state(angle=-1.4)
     short, long = (jaxrod.horizon(system, start, t1=t1, tolerance=1e-6) for t1 in (5.0, 20.0))
     later = jaxrod.horizon(system, start, t0=7.0, t1=12.0, tolerance=1e-6)  # nothing here depends on the time
@@ -372,9 +366,9 @@ def test_horizon_of_a_regular_swing(cone):
 
 
 @pytest.mark.parametrize("motion", [jaxrod.Rotation(), jaxrod.Driven(jax.tree_util.Partial(lambda t: 15.0 * t))])
-def test_steps_beyond_stability_are_named_before_the_run(cone, motion):
+def test_steps_beyond_stability_are_named_before_the_run(scene, motion):
     """No step is taken, nothing is computed, and the message names the longest step that may be stable."""
-    system = _system(cone, motion)
+    system = scene(motion, gravity=GRAVITY)
     start = system.state(rate=15.0) if isinstance(motion, jaxrod.Rotation) else system.state()
     limit = np.pi / _axial_rate(system)
     few, enough = int(0.99 / limit), int(1.02 / limit)
@@ -387,19 +381,18 @@ def test_steps_beyond_stability_are_named_before_the_run(cone, motion):
     np.testing.assert_array_equal(results == Result.ok, [False, True, True])
 
 
-def test_more_steps_than_can_be_counted(cone):
+def test_more_steps_than_can_be_counted(scene):
     """Forty legs of more steps than an integer holds end at max_steps, at once."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     ts = 1e12 * (TIMES[1:])
     sol = jax.jit(lambda rate: jaxrod.simulate(system, system.state(rate=rate), ts=ts))(15.0)
     assert sol.result == Result.max_steps and sol.stats["num_steps"] == 0
     assert sol.stats["t_end"] == 0 and np.isnan(sol.strain).all()
 
 
-def test_inertia_beyond_float32(cone):
+def test_inertia_beyond_float32(scene):
     """A rod of a nanometre has 1e-48 kg m^2, which float32 does not hold: invalid, not wrong."""
-    small = dataclasses.replace(cone, length=jnp.asarray(1e-9), section=jaxrod.Cone(2e-11, 3e-11))
-    system = _system(small)
+    system = scene(gravity=GRAVITY, length=1e-9, section=jaxrod.Cone(2e-11, 3e-11))
     assert jaxrod.simulate(system, system.state(rate=1.0), t1=1e-12).ok
     single = jax.tree.map(lambda x: x.astype(jnp.float32), (system, system.state(rate=1.0)))
     with pytest.raises(jaxrod.SimulationError, match="beyond what their type holds"):
@@ -487,9 +480,9 @@ def _codes(system, start, t1, dtype):
     return jax.jit(lambda start: jaxrod.simulate(system, start, t1=jnp.asarray(t1, dtype)).result)(start)
 
 
-def test_float32_and_strains_beyond_two(cone):
+def test_float32_and_strains_beyond_two(scene):
     """Turning at twice the axial rate the rod may get five times as long: in float32 nothing tells right from wrong."""
-    system = _system(cone)
+    system = scene(gravity=GRAVITY)
     rate = _axial_rate(system)
     for factor, expected in ((0.3, Result.ok), (2.0, Result.coarse)):
         start = system.state(rate=factor * rate)
@@ -498,11 +491,10 @@ def test_float32_and_strains_beyond_two(cone):
 
 
 @pytest.mark.slow
-def test_float32_and_short_ends():
+def test_float32_and_short_ends(scene):
     """A short pointed end beyond the pivot: its mass matrix loses in float32 what the tolerance asks for."""
-    pointed = jaxrod.Rod(1.0, jaxrod.Cone(0.02, 0.0), young=1e7, density=1200.0)
     for pivot, expected in ((0.5, Result.ok), (0.93, Result.coarse)):
-        system = jaxrod.System(pointed, jaxrod.Rotation(pivot=jnp.asarray(pivot)), jaxrod.Ritz(3))
+        system = scene(jaxrod.Rotation(jnp.asarray(pivot)), jaxrod.Ritz(3), section=jaxrod.Cone(0.02, 0.0))
         assert _codes(system, system.state(rate=1.0), 0.1, "float32") == expected
         assert _codes(system, system.state(rate=1.0), 0.1, "float64") == Result.ok
 
@@ -572,20 +564,18 @@ def test_lingering_upside_down(monkeypatch):
     assert off > 1e-8 and result == Result.ok
 
 
-def test_float32_frequencies_are_right_to_rounding(cone):
+def test_float32_frequencies_are_right_to_rounding(scene):
     """Of the fastest of five shapes of a strong taper as of the slowest."""
-    taper = dataclasses.replace(cone, section=jaxrod.Cone(0.003, 0.03))
-    system = jaxrod.System(taper, jaxrod.Rotation(), jaxrod.Ritz(5))
+    system = scene(basis=jaxrod.Ritz(5), section=jaxrod.Cone(0.003, 0.03))
     single = jax.tree.map(lambda x: x.astype(jnp.float32), system)
     narrow, wide = AxialModes(single.body).rates, AxialModes(system.body).rates
     assert narrow.dtype == jnp.float32 and wide[-1] > 30 * wide[0]
     np.testing.assert_allclose(narrow, wide, rtol=3e-6)
 
 
-def test_books_of_a_large_rod_in_float32(cone):
+def test_books_of_a_large_rod_in_float32(scene):
     """Of 1,000 km the squares of momenta are beyond float32, the ledger is not."""
-    large = dataclasses.replace(cone, length=jnp.asarray(9e5), section=jaxrod.Cone(9e3, 2e4), young=jnp.asarray(2e11))
-    system = jaxrod.System(large, jaxrod.Spherical())
+    system = scene(jaxrod.Spherical(), length=9e5, section=jaxrod.Cone(9e3, 2e4), young=2e11)
     system, start = jax.tree.map(lambda x: x.astype(jnp.float32), (system, system.state(rate=1e-3, azimuth_rate=1e-3)))
     book = jaxrod.simulate(system, start, t1=jnp.float32(1e3)).ledger
     assert book.angular_momentum < 1e-5 and book.energy < 1e-5

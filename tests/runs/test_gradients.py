@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import make_rod, scene
 
 import jaxrod
 
@@ -49,7 +50,7 @@ def _rod(young, density, root_radius, tip_radius, length):
 def _end(kind, numbers, at_pole, **keywords):
     """Angle, strain and tip after 0.3 s, from the numbers of `SCALES`."""
     *rod, gravity, angle, rate, strain, extra = numbers
-    system = jaxrod.System(_rod(*rod), MOTIONS[kind], jaxrod.Ritz(1), gravity)
+    system = scene(MOTIONS[kind], gravity=gravity, rod=_rod(*rod))
     more = {EXTRA[kind]: jnp.stack([extra, 2 * extra]) if kind == "Flight" else extra}
     start = system.state(angle=angle, rate=rate, strain=strain, **more)
     if kind == "Spherical":  # cos(pi/2) is 6e-17 in floating point: to start at zero takes more than an angle
@@ -122,7 +123,7 @@ def test_scale_identities(kind, point):
 
 def test_hanging_at_rest_in_closed_form():
     """About equilibrium small swings and strains are harmonic: the derivatives are their cosines and sines."""
-    rod = _rod(1e7, 1200.0, 0.02, 0.03, 1.0)
+    rod = make_rod()
     inertia, moment, stiffness = (float(x) for x in (rod.moment_of_inertia(), rod.first_moment(), rod.stiffness))
     by = dict(zip(NAMES, (_derivatives("Rotation", "hanging at rest")[0] / SCALE).T, strict=True))
     axial = np.sqrt(stiffness / inertia)
@@ -137,7 +138,7 @@ def test_hanging_at_rest_in_closed_form():
 
 def test_weightless_at_rest_in_closed_form():
     """Without weight and motion nothing happens: the angle keeps, a rate adds up, gravity begins to turn the rod."""
-    rod = _rod(1e7, 1200.0, 0.02, 0.03, 1.0)
+    rod = make_rod()
     turning = -float(rod.first_moment() / rod.moment_of_inertia()) * np.cos(0.3) * DURATION**2 / 2
     by = dict(zip(NAMES, _derivatives("Rotation", "weightless at rest")[0][0] / SCALE, strict=True))
     expected = dict.fromkeys(NAMES, 0.0) | {"angle": 1.0, "rate": DURATION, "gravity": turning}
@@ -175,20 +176,19 @@ class _Push(eqx.Module):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("scene", "ts"),
+    ("kind", "ts"),
     [("loaded", UNEVEN), ("loaded, uniform", EVEN), ("driven", EVEN), ("driven", UNEVEN), ("flight", UNEVEN)],
 )
-def test_later_starts_save_times_and_loads(scene, ts):
+def test_later_starts_save_times_and_loads(kind, ts):
     """From t0 = 0.2, by modulus, load or drive and the start's strain; all saved states count."""
     ts = jnp.array(ts)
 
     def outputs(p, adjoint=None):
-        rod = _rod(1e7 * p[0], 1200.0, 0.02, 0.03, 1.0)
-        basis = jaxrod.Ritz(1 if "uniform" in scene else 2)
-        forces = [jaxrod.TipForce(_Push(30 * p[1]))] if "loaded" in scene else []
-        motion = {"driven": jaxrod.scenes.steady(20 * p[1]), "flight": jaxrod.Flight()}.get(scene, jaxrod.Rotation())
-        system = jaxrod.System(rod, motion, basis, 9.81, forces=forces)
-        moving = {} if scene == "driven" else {"angle": 0.3, "rate": 8.0 * p[1]}
+        basis = jaxrod.Ritz(1 if "uniform" in kind else 2)
+        forces = [jaxrod.TipForce(_Push(30 * p[1]))] if "loaded" in kind else []
+        motion = {"driven": jaxrod.scenes.steady(20 * p[1]), "flight": jaxrod.Flight()}.get(kind)
+        system = scene(motion, basis, 9.81, forces, young=1e7 * p[0])
+        moving = {} if kind == "driven" else {"angle": 0.3, "rate": 8.0 * p[1]}
         start = system.state(**moving, strain=0.02 * p[2])
         sol = jaxrod.simulate(system, start, t0=0.2, ts=ts, adjoint=adjoint)
         return jnp.concatenate([sol.tip.ravel(), sol.strain_rate])
@@ -204,7 +204,7 @@ def test_later_starts_save_times_and_loads(scene, ts):
 
 
 def _frequencies(kind, numbers):
-    system = jaxrod.System(_rod(*numbers), MOTIONS[kind])
+    system = scene(MOTIONS[kind], rod=_rod(*numbers))
     return jnp.concatenate([jaxrod.natural_frequencies(system), jaxrod.continuum.natural_frequencies(system, 3)])
 
 

@@ -1,13 +1,17 @@
 """Second derivatives of equilibria, modes, rungs and exact frequencies: in any nesting, against closed forms and differences."""
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from conftest import scene
 
 import jaxrod
 
 UNIFORM = jaxrod.Uniform(0.025)
+uniform = functools.partial(scene, section=UNIFORM)
 NESTED = {
     "forward over forward": lambda f: jax.jacfwd(jax.jacfwd(f)),
     "forward over reverse": lambda f: jax.jacfwd(jax.jacrev(f)),
@@ -15,11 +19,6 @@ NESTED = {
 }
 SOME = ["forward over reverse"]  # of equilibria: each nesting takes long to compile, and test_sag has all of them
 nested = pytest.mark.parametrize("second", NESTED.values(), ids=NESTED.keys())
-
-
-def scene(young, motion=None, basis=None, **others):
-    rod = jaxrod.Rod(1.0, UNIFORM, young, 1200.0, **others.pop("rod", {}))
-    return jaxrod.System(rod, motion or jaxrod.Rotation(), basis or jaxrod.Ritz(1), **others)
 
 
 def check(f, x, h, rtol=1e-6, nestings=NESTED):
@@ -38,7 +37,7 @@ def test_sag(second):
     """rho g L / 2 E."""
 
     def sag(young):
-        return jaxrod.equilibrium(scene(young, gravity=9.81)).strain
+        return jaxrod.equilibrium(uniform(gravity=9.81, young=young)).strain
 
     strain = 1200 * 9.81 / 2e5
     assert float(second(sag)(1e5)) == pytest.approx(2 * strain / 1e10, rel=1e-9)
@@ -47,7 +46,7 @@ def test_sag(second):
 
 @pytest.mark.slow
 def test_third_derivative_of_the_sag():
-    third = jax.jacfwd(jax.jacfwd(jax.jacrev(lambda E: jaxrod.equilibrium(scene(E, gravity=9.81)).strain)))
+    third = jax.jacfwd(jax.jacfwd(jax.jacrev(lambda E: jaxrod.equilibrium(uniform(gravity=9.81, young=E)).strain)))
     assert float(third(1e5)) == pytest.approx(-6 * 1200 * 9.81 / 2e5 / 1e15, rel=1e-9)
 
 
@@ -55,7 +54,7 @@ def test_third_derivative_of_the_sag():
 @pytest.mark.parametrize("second", [NESTED["forward over reverse"]])
 def test_sag_of_another_law(second):
     def sag(x):
-        system = scene(1e5 * x[0], gravity=9.81 * x[1], rod={"law": jaxrod.law.neo_hookean})
+        system = uniform(gravity=9.81 * x[1], young=1e5 * x[0], law=jaxrod.law.neo_hookean)
         return jaxrod.equilibrium(system).strain
 
     found = second(sag)(jnp.ones(2)) / np.array([[1e10, 9.81e5], [9.81e5, 9.81**2]])
@@ -68,16 +67,18 @@ def test_an_equilibrium_under_a_force_whose_strength_hides_in_a_function():
 
     def strain(c):
         force = jaxrod.TipForce(lambda t, state: c * state.strain**2)
-        return jaxrod.equilibrium(scene(1e5, gravity=9.81, forces=[force])).strain
+        return jaxrod.equilibrium(uniform(gravity=9.81, forces=[force], young=1e5)).strain
 
     check(strain, 100.0, 1.0, nestings=SOME)
 
 
 SPUN = {
-    "rate": lambda x: jaxrod.equilibrium(scene(1e5 * x), spin=3.0 * x).strain,
-    "momentum": lambda x: jaxrod.equilibrium(scene(1e5), momentum=2.0 * x).strain,
-    "in flight": lambda x: jaxrod.equilibrium(scene(1e5 * x, jaxrod.Flight(), jaxrod.Ritz(2)), spin=3.0 * x).strain,
-    "driven": lambda x: jaxrod.equilibrium(scene(1e5 * x, jaxrod.Driven(lambda t: 3.0 * t))).strain,
+    "rate": lambda x: jaxrod.equilibrium(uniform(young=1e5 * x), spin=3.0 * x).strain,
+    "momentum": lambda x: jaxrod.equilibrium(uniform(young=1e5), momentum=2.0 * x).strain,
+    "in flight": lambda x: (
+        jaxrod.equilibrium(uniform(jaxrod.Flight(), jaxrod.Ritz(2), young=1e5 * x), spin=3.0 * x).strain
+    ),
+    "driven": lambda x: jaxrod.equilibrium(uniform(jaxrod.Driven(lambda t: 3.0 * t), young=1e5 * x)).strain,
 }
 
 
@@ -95,7 +96,7 @@ def forced(x, motion=None, **given):
     """Angle and strain of a rod with a spring along it."""
     motion = motion or jaxrod.Spherical()
     gravity = 9.81 if isinstance(motion, jaxrod.Spherical) else None
-    state = jaxrod.equilibrium(scene(1e5, motion, gravity=gravity, forces=[spring(x)]), **given)
+    state = jaxrod.equilibrium(uniform(motion, gravity=gravity, forces=[spring(x)], young=1e5), **given)
     return jnp.stack([state.angle, state.strain])
 
 
@@ -110,7 +111,7 @@ def test_frequency_of_the_swing(second):
     """sqrt(1.5 g / (1 + rho g L / 2 E)) / 2 pi."""
 
     def swing(young):
-        return jaxrod.modes(scene(young, gravity=9.81)).frequency[0]
+        return jaxrod.modes(uniform(gravity=9.81, young=young)).frequency[0]
 
     def exact(young):
         return jnp.sqrt(1.5 * 9.81 / (1 + 1200 * 9.81 / (2 * young))) / (2 * jnp.pi)
@@ -136,26 +137,32 @@ def test_exact_frequencies_by_the_modulus(second, section, held):
     """As the root of it."""
 
     def frequencies(young):
-        rod = jaxrod.Rod(1.0, section, young, 1200.0, tip_mass=0.4 if held == "inside" else None)
-        return jaxrod.continuum.natural_frequencies(jaxrod.System(rod, HELD[held]), 2)
+        tip_mass = 0.4 if held == "inside" else None
+        return jaxrod.continuum.natural_frequencies(
+            scene(HELD[held], section=section, young=young, tip_mass=tip_mass), 2
+        )
 
     np.testing.assert_allclose(jax.jit(second(frequencies))(1e7) * 4e14 / frequencies(1e7), -1.0, rtol=1e-8)
 
 
 EXACT = {
-    "pivot": lambda x: jaxrod.continuum.natural_frequencies(scene(1e7, jaxrod.Rotation(0.3 * x)), 2),
+    "pivot": lambda x: jaxrod.continuum.natural_frequencies(uniform(jaxrod.Rotation(0.3 * x)), 2),
     "length": lambda x: jaxrod.continuum.natural_frequencies(
-        jaxrod.System(jaxrod.Rod(1.2 * x, TABLE_LONG, 1e7, 1200.0, tip_mass=0.1), jaxrod.Rotation(0.3)), 2
+        scene(jaxrod.Rotation(0.3), length=1.2 * x, section=TABLE_LONG, tip_mass=0.1), 2
     ),
-    "critical": lambda x: jaxrod.continuum.critical_rate(scene(1e7 * x, jaxrod.Rotation(0.3 * x))),
-    "spinning": lambda x: jaxrod.continuum.spinning_frequencies(scene(1e5), 5.0 * x, 2),
-    "spinning freely": lambda x: jaxrod.continuum.spinning_frequencies(scene(1e5 * x), 5.0 * x**2, 2, free=True),
-    "steady": lambda x: jaxrod.continuum.steady_spin(scene(1e5 * x), 5.0 * x**2),
-    "quick rungs": lambda x: jaxrod.natural_frequencies(scene(1e7 * x, jaxrod.Rotation(0.3 * x), jaxrod.Ritz(2))),
-    "rungs": lambda x: jaxrod.natural_frequencies(scene(1e7, jaxrod.Rotation(0.3 * x), jaxrod.Ritz(4))),
-    "rung's critical": lambda x: jaxrod.critical_rate(scene(1e7 * x, jaxrod.Rotation(0.3 * x), jaxrod.Ritz(3))),
-    "bending": lambda x: jaxrod.model_limits(scene(1e7, jaxrod.Rotation(0.3 * x))).bending_frequencies,
-    "lateral": lambda x: jaxrod.model_limits(scene(1e7, jaxrod.Rotation(0.3 * x))).lateral_inertia,
+    "critical": lambda x: jaxrod.continuum.critical_rate(uniform(jaxrod.Rotation(0.3 * x), young=1e7 * x)),
+    "spinning": lambda x: jaxrod.continuum.spinning_frequencies(uniform(young=1e5), 5.0 * x, 2),
+    "spinning freely": lambda x: jaxrod.continuum.spinning_frequencies(
+        uniform(young=1e5 * x), 5.0 * x**2, 2, free=True
+    ),
+    "steady": lambda x: jaxrod.continuum.steady_spin(uniform(young=1e5 * x), 5.0 * x**2),
+    "quick rungs": lambda x: jaxrod.natural_frequencies(
+        uniform(jaxrod.Rotation(0.3 * x), jaxrod.Ritz(2), young=1e7 * x)
+    ),
+    "rungs": lambda x: jaxrod.natural_frequencies(uniform(jaxrod.Rotation(0.3 * x), jaxrod.Ritz(4))),
+    "rung's critical": lambda x: jaxrod.critical_rate(uniform(jaxrod.Rotation(0.3 * x), jaxrod.Ritz(3), young=1e7 * x)),
+    "bending": lambda x: jaxrod.model_limits(uniform(jaxrod.Rotation(0.3 * x))).bending_frequencies,
+    "lateral": lambda x: jaxrod.model_limits(uniform(jaxrod.Rotation(0.3 * x))).lateral_inertia,
 }
 TABLE_LONG = jaxrod.Table([0.0, 0.6, 2.0], radii=[0.02, 0.03, 0.01])
 
