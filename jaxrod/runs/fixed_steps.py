@@ -51,7 +51,7 @@ def step_size(scales: Scales, solver: AbstractSymplectic, tolerance, policy: Ste
     else:
         rate = jnp.sqrt(turning**2 + scales.axial[0] ** 2) if scales.axial.size else math.sqrt(2.0) * turning
         phase = jnp.minimum(policy.finest * finer, policy.longest_phase)
-        step = phase / (1 + policy.stretched * jnp.minimum(strain, 3.0)) / rate
+        step = phase / (1 + policy.stretched * jnp.minimum(strain, 4.0)) / rate
     return jnp.minimum(step, policy.longest_turn * jnp.minimum(finer, 1.0) / turning)
 
 

@@ -42,7 +42,7 @@ class StepPolicy(eqx.Module):
     hopeless: dict[str, Any] = eqx.field(default_factory=lambda: {"float64": 1e3, "float32": 2.0})
     open_energy: Any = 0.3
     unresolved: dict[str, Any] = eqx.field(default_factory=lambda: {"float64": 1.5, "float32": 1.0})
-    at_first: Any = 0.5
+    at_first: Any = 0.25
     fewer: Any = 0.618
     hard: Any = 0.05
     lingering: Any = 0.2
