@@ -95,7 +95,7 @@ def simulate(
     """
     in_s = {"ts": ts, "t1": t1, "t0": t0, "dt0": dt0}
     asked = {
-        **{name: units.plain(name, time, "s") for name, time in in_s.items()},
+        **{name: units.in_unit(name, time, "s") for name, time in in_s.items()},
         "tolerance": tolerance, "chart": chart, "solver": solver, "n_steps": n_steps,
         "stepsize_controller": stepsize_controller, "saveat": saveat, "event": event, "adjoint": adjoint,
         "progress_meter": progress_meter, "max_steps": max_steps,

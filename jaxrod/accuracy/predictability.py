@@ -72,7 +72,7 @@ def horizon(
     >>> print(jaxrod.horizon(system, start, t1=60.0, tolerance=1e-6).time.round(0))
     36.0
     """
-    arguments.check_system(system, start)
+    arguments.check_system_and_start(system, start)
     _, t0, t1, _ = arguments.times(None, t1, t0, None, precision.float_type(system, start), by_the_clock=True)
     tolerance = validation.positive("tolerance", tolerance, "", "lengths of the rod")
     distance = validation.positive("distance", distance, "", "rad and strain")

@@ -14,7 +14,7 @@ tip.  What `simulate` computes by any basis is held against it.
 from .closed_forms import free_free as free_free
 from .closed_forms import held_free as held_free
 from .closed_forms import release as release
-from .compliance import Axial as Axial
+from .compliance import AxialCompliance as AxialCompliance
 from .compliance import axial as axial
 from .compliance import support as support
 from .frequencies import critical_rate as critical_rate

@@ -67,7 +67,7 @@ def _travel(rod: Rod, pivot: Any):
     return ends, s, ds * jnp.sqrt(rod.mass_density(s) / rod.modulus(s))
 
 
-class Axial(NamedTuple):
+class AxialCompliance(NamedTuple):
     """F and its nodes; the lever x (m) of its rows, mass-weighted; the tip's displacement (m) for its columns.
 
     `sides` is F part by part, where a pivot holds two.
@@ -80,7 +80,7 @@ class Axial(NamedTuple):
     sides: Float[Array, "parts M N"]
 
 
-def axial(rod: Rod, pivot: Any, free: bool, order: int) -> Axial:
+def axial(rod: Rod, pivot: Any, free: bool, order: int) -> AxialCompliance:
     """The compliance of this rod to axial forces on `order` nodes for each panel, supported as `support` says."""
     # In flight any point will do to measure from; from the centre of mass nothing large cancels.
     start = jax.lax.stop_gradient(rod.center_of_mass) if free else pivot
@@ -99,4 +99,4 @@ def axial(rod: Rod, pivot: Any, free: bool, order: int) -> Axial:
     else:
         far = (grid.s > pivot)[None, :]
         sides = jnp.stack([jnp.where(far, F, 0.0), jnp.where(far, 0.0, F)])
-    return Axial(grid, F, weight * lever, reach[-1] * compliance, sides)
+    return AxialCompliance(grid, F, weight * lever, reach[-1] * compliance, sides)

@@ -22,10 +22,12 @@ from ..motions.state import State, heading
 from .modes import Waves
 
 
-class Phase(NamedTuple):
-    """Amplitudes and their quadratures (n,); the angle, in space the director (3,), and the angular momentum.
+class ModalPhase(NamedTuple):
+    """A point in phase space: modal amplitudes and their quadratures (n,); the angle, in space the director (3,), and the
+    angular momentum.
 
-    None where the rotation is driven.  In flight `center` and `velocity` (2,) of the centre of mass, in units of the reach.
+    `pointing` and `momentum` are None where the rotation is driven.  In flight `center` and `velocity` (2,) of the centre of
+    mass, in units of the reach.
     """
 
     a: Float[Array, " n"]
@@ -37,7 +39,7 @@ class Phase(NamedTuple):
 
 
 class Dynamics(eqx.Module):
-    """Rate of change of a `Phase`: waves of a rod, its motion, gravity and the force at its tip."""
+    """Rate of change of a `ModalPhase`: waves of a rod, its motion, gravity and the force at its tip."""
 
     waves: Waves
     motion: Any
@@ -64,22 +66,22 @@ class Dynamics(eqx.Module):
 
     # ---- from a state and back
 
-    def encode(self, t, start: State, q: Float[Array, " n"], dq: Float[Array, " n"]) -> Phase:
+    def encode(self, t, start: State, q: Float[Array, " n"], dq: Float[Array, " n"]) -> ModalPhase:
         """The phase with the rotation and the centre of `start`, and modal amplitudes q and their rates."""
         a, b = q / self.size, dq / (self.size * self.waves.omega)
         if self.driven:
-            return Phase(a, b, None, None, None, None)
+            return ModalPhase(a, b, None, None, None, None)
         if start.planar:
             pointing, turning = start.angle, start.rate
         else:
             pointing, turning = start.direction, jnp.cross(start.direction, start.direction_rate)
         momentum = self.inertia(a) * turning / self.pace
         if start.center is None or start.center_velocity is None:
-            return Phase(a, b, pointing, momentum, None, None)
+            return ModalPhase(a, b, pointing, momentum, None, None)
         reach = self.waves.reach
-        return Phase(a, b, pointing, momentum, start.center / reach, start.center_velocity / (reach * self.pace))
+        return ModalPhase(a, b, pointing, momentum, start.center / reach, start.center_velocity / (reach * self.pace))
 
-    def decode(self, t, y: Phase) -> State:
+    def decode(self, t, y: ModalPhase) -> State:
         """Director, centre and their rates; the amplitudes of this state are those of the modes (m kg^1/2)."""
         direction, rate, angle = self.pointing(t, y)
         turns = jnp.zeros_like(direction[0])
@@ -91,7 +93,7 @@ class Dynamics(eqx.Module):
         reach = self.waves.reach
         return State(direction, rate, q, dq, turns, reach * y.center, reach * self.pace * y.velocity)
 
-    def pointing(self, t, y: Phase) -> tuple[Float[Array, " D"], Float[Array, " D"], Float[Array, ""] | None]:
+    def pointing(self, t, y: ModalPhase) -> tuple[Float[Array, " D"], Float[Array, " D"], Float[Array, ""] | None]:
         """Director and its rate (1/s); in the plane the angle (rad) as well."""
         if self.driven:
             angle, rate, _ = self.motion.turning(t)
@@ -109,7 +111,7 @@ class Dynamics(eqx.Module):
 
     # ---- the equations
 
-    def __call__(self, t, y: Phase, args) -> Phase:
+    def __call__(self, t, y: ModalPhase, args) -> ModalPhase:
         """Rate of change by the time t * pace; t in s."""
         del args
         waves, pace, size = self.waves, self.pace, self.size
@@ -118,7 +120,7 @@ class Dynamics(eqx.Module):
         loads = self.loads(t, y)
         db = self.pull(loads, y.a) / w + (-w * y.a if self.law is None else self._beyond_hooke(y.a) / w)
         if self.driven:
-            return Phase(w * y.b, db, None, None, None, None)
+            return ModalPhase(w * y.b, db, None, None, None, None)
 
         push = self.tip_push(t, y, d, rate)
         reach = waves.reach + size * (waves.tip @ y.a) + loads @ waves.slack
@@ -131,13 +133,13 @@ class Dynamics(eqx.Module):
         else:
             turning, moment = rate / pace, jnp.cross(d, moment)
         if y.center is None:
-            return Phase(w * y.b, db, turning, moment, None, None)
+            return ModalPhase(w * y.b, db, turning, moment, None, None)
         acceleration = jnp.zeros_like(d) if push is None else push / waves.mass
         if self.gravity is not None:
             acceleration = acceleration + self.gravity
-        return Phase(w * y.b, db, turning, moment, y.velocity, acceleration / (waves.reach * pace**2))
+        return ModalPhase(w * y.b, db, turning, moment, y.velocity, acceleration / (waves.reach * pace**2))
 
-    def loads(self, t, y: Phase) -> Float[Array, "3"]:
+    def loads(self, t, y: ModalPhase) -> Float[Array, "3"]:
         """What stretches the rod: |d'|^2 (1/s^2), g . d (m/s^2), the force at the tip along the rod (N)."""
         d, rate, _ = self.pointing(t, y)
         push, zero = self.tip_push(t, y, d, rate), jnp.zeros_like(d[0])
@@ -151,7 +153,7 @@ class Dynamics(eqx.Module):
         pull = pull + (loads[1] * waves.moment + loads[2] * waves.tip) / self.size
         return pull / self.pace**2
 
-    def tip_push(self, t, y: Phase, d, rate) -> Float[Array, " D"] | None:
+    def tip_push(self, t, y: ModalPhase, d, rate) -> Float[Array, " D"] | None:
         """The force at the tip as a vector, N."""
         if self.force is None:
             return None
@@ -180,7 +182,7 @@ class Dynamics(eqx.Module):
 
     # ---- quantities
 
-    def energy(self, t, y: Phase) -> Float[Array, ""]:
+    def energy(self, t, y: ModalPhase) -> Float[Array, ""]:
         """T + V in J, V = 0 at the pivot, in flight at the origin."""
         waves = self.waves
         d, rate, _ = self.pointing(t, y)

@@ -15,7 +15,7 @@ from ..core.linear_algebra import inverse_root, singular_values
 from ..core.units import Number
 from ..motions.stiffening import warn_of_forces
 from ..rods.rod import Rod
-from .compliance import Axial, axial, linear_support, order_for, support
+from .compliance import AxialCompliance, axial, linear_support, order_for, support
 
 _MOST = 2000  # frequencies of a rod: they take half a minute, and four times as long for each doubling
 
@@ -110,7 +110,7 @@ def _natural(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Float[Arra
     return 1 / -jnp.sort(-jnp.concatenate(sigma))[:n]
 
 
-def steady(held: Axial, rate: Float[Array, ""]) -> Float[Array, " M"]:
+def at_rest_in_spin(held: AxialCompliance, rate: Float[Array, ""]) -> Float[Array, " M"]:
     """Where the points rest in a steady spin, mass-weighted; NaN at and beyond the critical rate (Cholesky fails)."""
     F = held.F
     square = jnp.eye(F.shape[0], dtype=F.dtype) - rate**2 * (F @ F.T)
@@ -121,14 +121,14 @@ def steady(held: Axial, rate: Float[Array, ""]) -> Float[Array, " M"]:
 @eqx.filter_jit
 def _steady_tip(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], order: int) -> Float[Array, ""]:
     held = axial(rod, pivot, free, order)
-    return rate**2 * (held.tip @ (held.F.T @ steady(held, rate)))
+    return rate**2 * (held.tip @ (held.F.T @ at_rest_in_spin(held, rate)))
 
 
 @eqx.filter_jit
 def _spinning(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], n: int, order: int) -> Float[Array, " n"]:
     """K - W^2 + 4 W^2 Y Y^T / J in the forces p, u = F p: (1 - W^2 F^T F + ...) p = omega^2 F^T F p, and no inverse of F."""
     held = axial(rod, pivot, free, order)
-    F, y = held.F, steady(held, rate)
+    F, y = held.F, at_rest_in_spin(held, rate)
     inertia = y @ y if rod.tip_inertia is None else y @ y + rod.tip_inertia
     pull = F.T @ y
     square = jnp.eye(F.shape[1], dtype=F.dtype) - rate**2 * (F.T @ F)

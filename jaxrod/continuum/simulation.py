@@ -158,7 +158,7 @@ def converged(
     >>> print(sol.waves.omega.size, bool(sol.error.tip.max() <= 1e-6))
     8 True
     """
-    change = units.plain("change", change, None)
+    change = units.in_unit("change", change, None)
     if validation.fails(lambda x: x > 0, validation.number("change", change)):
         raise ValueError(f"change={validation.brief(change)} must be positive; give it in the unit of quantity.")
     modes, most = validation.count("modes", modes, 2, "modes"), validation.count("most", most, 2, "modes")

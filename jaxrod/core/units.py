@@ -1,6 +1,6 @@
 """Quantities that carry units become plain numbers in SI here, and nowhere else.
 
-NumPy and JAX strip units with a warning at best, so whoever takes a number from a user asks `plain` first.  A quantity
+NumPy and JAX strip units with a warning at best, so whoever takes a number from a user asks `in_unit` first.  A quantity
 is what has the `to`, `magnitude` and `units` of Pint's, of any registry; Pint itself is imported for strings alone.
 """
 
@@ -34,7 +34,7 @@ _SI = {"[length]": "m", "[mass]": "kg", "[time]": "s", "[temperature]": "K", "[c
 _WRITTEN = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*((?:[^\W\d]|[²³·%°*/^()\s]|(?<=[*^-])\d|-)*)")
 
 
-def plain(name: str, value: Any, unit: str | None) -> Any:
+def in_unit(name: str, value: Any, unit: str | None) -> Any:
     """`value` as plain numbers in `unit`, such as "m" or "kg/m^3"; "" for none, None for SI whatever it measures.
 
     What carries no unit is returned as it is; of lists and arrays of quantities come lists of numbers.
@@ -42,13 +42,13 @@ def plain(name: str, value: Any, unit: str | None) -> Any:
     **Raises:** `ValueError` for a quantity that does not convert to `unit`, and for one without Pint's names.
 
     >>> import jaxrod.core.units, pint
-    >>> jaxrod.core.units.plain("length", pint.Quantity(2000, "mm"), "m")
+    >>> jaxrod.core.units.in_unit("length", pint.Quantity(2000, "mm"), "m")
     2.0
     """
     if not carries_unit(value):
         return value
     if _several(value):
-        return [plain(name, x, unit) for x in value]
+        return [in_unit(name, x, unit) for x in value]
     if not all(hasattr(value, x) for x in ("to", "magnitude", "units", "dimensionality")):
         raise ValueError(
             f"{name}={value} is a quantity of {type(value).__module__.split('.')[0]}, which is not converted; "

@@ -30,11 +30,11 @@ def fails(condition: Callable[..., Any], *values: Any) -> bool:
 def number(name: str, value: Any, shape: tuple[int, ...] = (), unit: str | None = "") -> Inexact[Array, "..."]:
     """`value` as a floating-point array of the given shape, finite where that is known.
 
-    A quantity is converted to `unit`, as `units.plain` says.  An array keeps its type.  A Python number stays weakly
+    A quantity is converted to `unit`, as `units.in_unit` says.  An array keeps its type.  A Python number stays weakly
     typed: beside a float32 array it computes in float32.
     """
     inside = " in SI units" if unit is None else f" in {unit}" if unit else ""
-    value = units.plain(name, value, unit)
+    value = units.in_unit(name, value, unit)
     try:
         array = jnp.asarray(value)
         if array.dtype == bool:
@@ -57,7 +57,7 @@ def number(name: str, value: Any, shape: tuple[int, ...] = (), unit: str | None 
 
 def reals(name: str, value: Any, unit: str | None = "") -> Inexact[Array, "..."]:
     """`value` as real floating-point numbers of any shape, finite or not."""
-    value = units.plain(name, value, unit)
+    value = units.in_unit(name, value, unit)
     try:
         array = jnp.asarray(value)
     except (TypeError, ValueError, OverflowError):
@@ -79,7 +79,7 @@ def along(name: str, value: Any, length: Any) -> Float[Array, " points"]:
 
 def numbers(name: str, value: Any, what: str, unit: str | None = "") -> Float[Array, " N"]:
     """`value` as a floating-point array of one axis with an entry at least."""
-    value = units.plain(name, value, unit)
+    value = units.in_unit(name, value, unit)
     try:
         shape = jnp.asarray(value).shape
     except (TypeError, ValueError, OverflowError):

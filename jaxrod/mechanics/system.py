@@ -357,7 +357,7 @@ def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Pr
 
 
 def _gravity(gravity, motion) -> Float[Array, ""] | Float[Array, " D"]:
-    gravity = units.plain("gravity", gravity, "m/s^2")
+    gravity = units.in_unit("gravity", gravity, "m/s^2")
     if np.ndim(gravity) == 0:
         return validation.not_negative("gravity", gravity, "m/s^2", "m/s^2 (or a vector, or None)")
     return validation.number("gravity", gravity, (getattr(motion, "dimension", np.size(gravity)),), "m/s^2")

@@ -151,7 +151,7 @@ class Torque(AbstractStrength):
     moment: Any
 
     def __init__(self, moment: Number | Row | Callable[..., Any]):
-        moment = units.plain("Torque(moment=)", moment, "N m")
+        moment = units.in_unit("Torque(moment=)", moment, "N m")
         self.moment = _strength("Torque(moment=)", moment, (3,) if np.ndim(_number(moment)) else (), "N m")
 
     @property
@@ -192,7 +192,7 @@ class TipForce(AbstractStrength):
     force: Any
 
     def __init__(self, force: Number | Row | Callable[..., Any]):
-        force = units.plain("TipForce(force=)", force, "N")
+        force = units.in_unit("TipForce(force=)", force, "N")
         self.force = _strength("TipForce(force=)", force, np.shape(_number(force))[:1], "N")
 
     @property

@@ -193,5 +193,5 @@ def _inside(pivot):
     if pivot is None:
         return None
     place = validation.not_negative("pivot", pivot, "m", "metres from the root")
-    given = units.plain("pivot", pivot, "m")  # under jit even a known number is traced, once it is an array
+    given = units.in_unit("pivot", pivot, "m")  # under jit even a known number is traced, once it is an array
     return None if tracing.known(given) and not np.any(np.asarray(given)) else place

@@ -272,7 +272,7 @@ def profile(name: str, value: Any, unit: str, what: str | None = None) -> Any:
 
 
 def _increasing(breaks) -> tuple[float, ...]:
-    breaks = units.plain("breaks", breaks, "m")
+    breaks = units.in_unit("breaks", breaks, "m")
     try:
         if isinstance(breaks, str | dict | set):
             raise TypeError

@@ -14,8 +14,7 @@ from ..integrators.multistep import AbstractMultistep
 from ..integrators.symplectic import ABA864, AbstractSymplectic, BlanesMoan6
 from ..mechanics.chart import AbstractChart
 from ..mechanics.lagrangian import Lagrangian
-from ..mechanics.system import System
-from ..mechanics.system import check_system as check_is_system
+from ..mechanics.system import System, check_system
 from ..motions.state import State, check_start
 from ..motions.stops import known_knots, since
 from ..rods.rod import Rod
@@ -70,16 +69,16 @@ def check_run(start: Any, saveat: Any, event: Any, progress_meter: Any, stepsize
             calling.tried("event", "(t, state, args, **kwargs) -> one number", checked, t, start, None, shapes=[()])
 
 
-def check_system(system: Any, start: Any) -> None:
+def check_system_and_start(system: Any, start: Any) -> None:
     """A `System`, no other `Lagrangian`, and a start of it."""
-    check_is_system(system)
+    check_system(system)
     check_scene(system, start)
     check_start(system.motion, system.basis.n, start)
 
 
 def check_known(system: Any, start: Any, instead: str, static: Any) -> None:
     """What is run in many ways, and with float64 beside: a scene whose numbers are there."""
-    check_system(system, start)
+    check_system_and_start(system, start)
     if not all(map(tracing.known, jax.tree.leaves((system, start)))):
         raise ValueError(f"the scene is traced; {instead}.")
     if jnp.result_type(float) != jnp.float64:
@@ -132,7 +131,7 @@ def times(ts, t1, t0, saveat, dtype, by_the_clock: bool = False) -> Times:
 
     `by_the_clock`: as they are, for what knows the user's times.
     """
-    t0, t1, ts = (units.plain(name, x, "s") for name, x in {"t0": t0, "t1": t1, "ts": ts}.items())
+    t0, t1, ts = (units.in_unit(name, x, "s") for name, x in {"t0": t0, "t1": t1, "ts": ts}.items())
     if (ts is None) == (t1 is None):
         given = "neither" if ts is None else "both"
         raise ValueError(f"{given} of ts= and t1= given; give ts= (times to save at) or t1= (the end alone).")
@@ -193,7 +192,7 @@ def knots(system, run: Times, equal: bool, controller, n_steps) -> tuple[Any, An
 def interval(t1, t0) -> tuple[float, float]:
     """Begin and end of a run in s, known."""
     times(None, t1, t0, None, jnp.result_type(float))
-    return float(units.plain("t0", t0, "s")), float(units.plain("t1", t1, "s"))
+    return float(units.in_unit("t0", t0, "s")), float(units.in_unit("t1", t1, "s"))
 
 
 def checked_tolerance(tolerance, dtype, scene: tuple) -> Float[Array, ""]:

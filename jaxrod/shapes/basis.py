@@ -21,7 +21,7 @@ from ..core import tracing, validation
 from ..core.quadrature import Panels, legendre, local
 from ..rods.lumped import Lumped
 from ..rods.rod import Rod
-from .projection import Projection, inverse_root, lumped
+from .projection import Projection, inverse_mass_root, lumped
 
 
 class AbstractBasis(eqx.Module):
@@ -84,7 +84,7 @@ class AbstractBasis(eqx.Module):
             empty = jnp.diagonal(stiffness) == 0
             stiffness = stiffness + jnp.diag(jnp.where(empty, stiffness[0, 0], 0.0))
         law = None if rod.linear else rod.law
-        root = inverse_root(masses[1:, 1:]) if self.n > 1 else None
+        root = inverse_mass_root(masses[1:, 1:]) if self.n > 1 else None
         return Projection(masses, stiffness, phi @ mass, jnp.sum(mass), phi[:, -1], strains, rigidity, law, root)
 
     def _held(self, rod: Rod, pivot):

@@ -92,7 +92,7 @@ def lumped(rod: Lumped, n: int) -> Projection:
     )
 
 
-def inverse_root(mass: Float[Array, "n n"]) -> Float[Array, "n n"]:
+def inverse_mass_root(mass: Float[Array, "n n"]) -> Float[Array, "n n"]:
     """W with W W^T the inverse; shapes without mass are left at rest."""
     mass = mass + jnp.diag(jnp.where(jnp.diagonal(mass) == 0, mass[0, 0], 0.0))
     return linear_algebra.inverse_root(mass)
