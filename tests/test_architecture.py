@@ -63,12 +63,14 @@ def test_no_cycles_within_a_package():
 
 
 def test_listings_are_short():
-    """Twenty entries at the top, ten modules in a package."""
+    """Twenty entries at the top, ten modules in a package, ten floors of packages."""
     top = [path for path in ROOT.iterdir() if path.name != "__pycache__"]
     assert len(top) <= 20
     for name in PACKAGES:
         modules = list(pkgutil.iter_modules([str(ROOT.parent / name.replace(".", "/"))]))
         assert len(modules) <= 10, name
+    floors = [rooms for rooms in FLOORS if any((ROOT / room).is_dir() for room in rooms)]
+    assert len(floors) <= 10
 
 
 @pytest.mark.parametrize("name", PACKAGES)
