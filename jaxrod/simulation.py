@@ -1,11 +1,15 @@
 """`simulate`: from a scene and a start to a `Solution`.  How it is stepped is decided in `runs`.
 
-**Accuracy.**  `tolerance` is the relative error of the tip's position after 1,000 axial periods.  Errors of single
-steps are measured in natural units (radians and strains for coordinates; rates over the natural rate of the scene) and
-held 10^4 times below it: about ten steps a period, 1,000 periods.  Energy is kept as well by equal steps, which most scenes
-take; by steps that adapt (forces that depend on rates) to the tolerance alone: damping weaker than that, of a quality
-beyond 1e9, is not seen in it.  In float32 the rounding of the turning itself comes on
-top, 6e-7 for each radian turned; after a hundred turns, as the rounding of the energy adds up, up to five times that.
+**Accuracy.**  `tolerance` is the relative error of the tip's position after 1,000 axial periods.
+
+- By default a run takes equal steps.  `runs.fixed_steps.step_size` decides how long they are: by the tolerance, by how fast
+  the scene moves (`Scales`), and by the numbers of `StepPolicy`.  Energy is kept to a part of the tolerance (`open_energy`).
+- Where a scene has no split (`System.unsplit`: forces that depend on rates, for one), and where equal steps were too long, steps
+  adapt.  Errors of single steps are measured in natural units (radians and strains for coordinates; rates over the natural rate
+  of the scene) and held 10^4 times below the tolerance: about ten steps a period, 1,000 periods.  Energy is kept to the tolerance
+  alone: damping weaker than that, of a quality beyond 1e9, is not seen in it.
+- In float32 the rounding of the turning itself comes on top, 6e-7 for each radian turned; after a hundred turns, as the rounding
+  of the energy adds up, up to five times that.
 """
 
 import dataclasses

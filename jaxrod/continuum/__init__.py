@@ -7,8 +7,9 @@
 - `dynamics` are the equations of motion in the modes, `simulation` runs them, `solution` is what it returns.
 - `neglected`: what the model of a straight rod leaves out, bending and lateral inertia, in numbers.
 
-Computes nothing by strain bases and `mechanics`; it reads the rod, how it is held, what is prescribed and the force at its
-tip.  What `simulate` computes by any basis is held against it.
+Computes nothing by strain bases and `mechanics`.  It reads the rod and how it is held; its `simulate` also what is prescribed,
+gravity and the force at the tip.  `simulate` refuses other forces; frequencies leave out all forces, and warn.  What
+`jaxrod.simulate` computes by any basis is held against it.
 """
 
 from .closed_forms import free_free as free_free

@@ -1,7 +1,8 @@
 """The exact rod in time.
 
 `simulate` is Galerkin's method in the exact rod's own modes, whose frequencies come from its integral equation, and
-shares no code with the strain bases: it reads the rod, how it is held, what is prescribed, and the strain of the start.
+shares no code with the strain bases: it reads the rod, how it is held, what is prescribed, gravity, the force at the tip,
+and the strain of the start.
 """
 
 import dataclasses

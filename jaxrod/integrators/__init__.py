@@ -6,5 +6,6 @@
 - `compensation`: a Diffrax solver that keeps full turns and the digits that rounding cuts off.  `reversal`: derivatives
   that a loop does not have, refused in a sentence.
 
-A new splitting method is a list of coefficients in `symplectic`; it composes with every splitting of `mechanics`.
+A new splitting method is a list of coefficients in `symplectic`; it composes with each splitting of `mechanics`, or `runs`
+refuses it in a sentence.
 """

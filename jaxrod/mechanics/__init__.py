@@ -2,12 +2,15 @@
 
     d/dt (dL/dv) - dL/dq = Q,    L = T - V
 
-The physics is `energy` (T and V of a state), `chart` (q and v of a state) and `equations` (a scene in a chart); `lagrangian`
-makes accelerations of any L by automatic differentiation.  `system` is the scene that users build, checked by `compatibility`,
-started by `initial_state`; `equilibria` finds where it rests, `vibration` how it vibrates about there.  `splittings` are the
-equations of a scene as the solvers of `integrators` step them.
+The physics is in three files: `energy` (T and V of a state), `equations` (L = T - V of a rod) and `chart` (its coordinates).
+`lagrangian` makes accelerations of any L by automatic differentiation, and knows no rods.
 
-Any rod, basis, motion and forces compose; a chart or splitting that a scene does not have is refused by name.
+`system` is the scene that users build, checked by `compatibility`, started by `initial_state`; `equilibria` finds where it
+rests, `vibration` how it vibrates about there.  `splittings` are the equations of a scene as the solvers of `integrators` step
+them.
+
+A rod, a basis, a motion and forces compose, or `compatibility` refuses them in a sentence.  `system` refuses a chart or a
+splitting that a scene does not have.
 """
 
 from . import energy as energy

@@ -6,5 +6,5 @@
   its steps end.
 
 A new force is a class with `power` and `check`, a new motion one with the facts that `AbstractMotion` names; each composes with
-every rod, basis and solver.
+each rod, basis and solver, or is refused in a sentence.
 """

@@ -1,4 +1,11 @@
-"""The paper this library starts from: its figure `reproduction`, corrected, and its `claims`, measured."""
+"""The paper this library starts from.
+
+- `reproduction`: its scene and figure, as printed and corrected, and its slips.
+- `claims`: what it says, measured; `jaxrod paper` writes them.
+
+Its two scenes are made of what users have: as printed a `Lumped` body, corrected a `Rod`.  They compose as any other scene; the
+exact rod takes the corrected one.
+"""
 
 from . import claims as claims
 from .reproduction import DENSITY as DENSITY

@@ -6,7 +6,8 @@
 of it.  `looking` finds where functions of s jump or bend, `resolution` the panels that integrate them; `plausibility` asks
 about numbers that no rod has in SI.
 
-Composes with any basis of `shapes` and any motion of `motions`; the exact rod (`continuum`) reads the same `Rod`.
+Composes with each basis of `shapes` and motion of `motions`, or is refused in a sentence; the exact rod (`continuum`) reads the
+same `Rod`.
 """
 
 from . import law as law

@@ -1,4 +1,4 @@
-"""A pivoted body that three numbers describe."""
+"""A pivoted body that four numbers describe."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -9,7 +9,7 @@ from ..core.units import Number
 
 
 class Lumped(eqx.Module):
-    """A pivoted body with one uniform strain, given by three numbers: the spring pendulum with inertia.
+    """A pivoted body with one uniform strain, given by four numbers: the spring pendulum with inertia.
 
     With one strain a pivoted rod *is* this: inertia I, first moment S = m x_C and stiffness C = int E A ds.  It carries
     formulas that no rod has (the paper's literal mixture) and the elastic-pendulum literature.
