@@ -11,11 +11,12 @@ import jaxrod
 
 jaxrod.configure(cache=None)
 
+import equinox as eqx  # noqa: E402
 import jax  # noqa: E402
 import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
-from jaxrod.core.scalarize import Numbers  # noqa: E402
+from jaxrod.core.lanes import alone, lanes_of, over_lanes, spread, widened  # noqa: E402
 from jaxrod.mechanics.splittings.uniform_strain import Flat  # noqa: E402
 
 STEPS, LANES = 2200, 64
@@ -24,13 +25,12 @@ STEPS, LANES = 2200, 64
 class ByHand(Flat):
     """The flat split with its force written out."""
 
-    def force(self, t, q: Numbers) -> Numbers:
+    def force(self, t, q):
         del t
-        scene, _ = self.numbers
-        x, y = q
-        pull = scene.body.stiffness_matrix[0, 0] * (1 - 1 / jnp.sqrt(x * x + y * y))
-        across, down = (scene.body.first_moments[0] * g for g in scene.gravity)
-        return Numbers((across - pull * x, down - pull * y), (2,))
+        body, gravity = self.lean.body, self.lean.gravity
+        assert gravity is not None
+        pull = body.stiffness_matrix[0, 0] * (1 - 1 / jnp.sqrt(jnp.sum(q * q, axis=0)))
+        return body.first_moments[0] * gravity - pull * q
 
 
 def main() -> None:
@@ -43,11 +43,17 @@ def main() -> None:
         @jax.vmap
         def tips(rate):
             start = system.state(rate=rate)
-            split = kind(system.equations(jaxrod.Embedded()).scene, 0.0, start)
-            h = 10.0 / STEPS
-            y = split.opened(solver, None, 0.0, h, split.encode(start))
-            y = jax.lax.fori_loop(0, STEPS, lambda k, y: split.step(solver, None, k * h, h, y), y)
-            return jnp.stack(list(split.closed(solver, None, 10.0, h, y).q))
+            split = kind(system.discrete, 0.0, start)
+            arrays, rest = eqx.partition((split, split.encode(start)), eqx.is_array)
+
+            def loop(arrays):
+                split, y = eqx.combine(arrays, rest)
+                h = jnp.full(1, 10.0 / STEPS)
+                y = widened(split.opened(solver, None, 0.0 * h, h, y), lanes_of(arrays))
+                y = jax.lax.fori_loop(0, STEPS, lambda k, y: split.step(solver, None, k * h, h, y), y)
+                return split.closed(solver, None, 10.0 + 0 * h, h, y).q
+
+            return alone(over_lanes(loop)(spread(arrays)))
 
         return tips
 

@@ -1,7 +1,7 @@
-"""Equal steps of a symplectic solver from one save time to the next, and their derivative by undoing them.
+"""Equal steps of a solver from one save time to the next, of many scenes side by side, and their derivative by undoing them.
 
-Each stage of a step can be undone exactly, to rounding: from where it ended back to where it began.  So the reverse
-derivative needs no stored states: its memory does not grow with the number of steps.
+Each stage of a splitting can be undone exactly, to rounding: from where it ended back to where it began.  So the reverse
+derivative needs no stored states but those that are saved.
 """
 
 import functools
@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..core.lanes import alone, lanes_of, over_lanes, spread, summed, widened
 from .compensation import passed
 from .reversal import ONCE, reversible
 from .splitting import AbstractSplit, AbstractStepped, Split
@@ -45,68 +46,129 @@ class Route(eqx.Module):
     taken: Int[Array, " T"]
     even: bool = eqx.field(static=True)
 
+    def legs(self, length: int) -> tuple[Array, Array, Array, Array]:
+        """Laned: when each leg begins, the size of its steps, how many and how many are taken; followed by legs of no steps, so
+        that there are `length`."""
 
-def march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, backwards: bool) -> Walker:
-    """The walker at each of `route.ends`, stacked.  A run that stops stays where it was; with a past it is lost.
+        def padded(x):
+            mode = "edge" if jnp.issubdtype(x.dtype, jnp.floating) else "constant"
+            return jnp.pad(x, ((0, length - x.shape[0]), (0, 0)), mode=mode)
 
-    `backwards`: have the reverse derivative undo the steps; there is no forward derivative then.
+        return jax.tree.map(padded, (*self.times(), self.counts, self.taken))
+
+    def times(self) -> tuple[Array, Array]:
+        """Laned: when each leg begins, and the size of its steps."""
+        start, ends, counts = self.start, self.ends, self.counts.astype(self.ends.dtype)
+        start, ends, counts = widened((start, ends, counts), lanes_of((start, ends, counts)))
+        begins = jnp.concatenate([start[None], ends[:-1]])
+        if not self.even:
+            return begins, jnp.where(counts > 0, (ends - begins) / jnp.maximum(counts, 1), 0.0)
+        h = (ends[-1] - start) / jnp.maximum(jnp.sum(counts, axis=0), 1)
+        return begins, jnp.broadcast_to(h, counts.shape)
+
+
+def march(
+    solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, check: Route | None, backwards: bool
+) -> tuple[Walker, Walker | None]:
+    """The walkers at each of `route.ends`, stacked, and those of `check`, another way from the same start with no more ends.
+
+    A run that stops stays where it was; with a past it is lost.  `backwards`: have the reverse derivative undo the steps; there
+    is no forward derivative then.  What `check` finds has none.
     """
-    start = Walker(y0, turns, jnp.zeros((), jnp.int32), route.start, jnp.zeros_like(route.start))
-    even_h = (route.ends[-1] - route.start) / jnp.maximum(jnp.sum(route.counts.astype(route.ends.dtype)), 1)
-    even = (even_h, split.table(solver, even_h)) if route.even else None
-    # Between steps of one size a past is kept; to make a new one takes longer than the steps of a leg.
-    kept_open = split.has_past and route.even
-    go = _walk_reversible if backwards else _walk
+    turns, route_known, check = jax.lax.stop_gradient((turns, route, check))
+    moving = (split, y0, route.start, route.ends)
+    if backwards:
+        walkers, checked = _undoable(moving, solver, turns, route_known, check)
+    else:  # the check in a loop of its own, without derivatives
+        walkers, checked = _forwards(moving, solver, turns, route_known, None)[0], None
+        if check is not None:
+            still = jax.lax.stop_gradient((split, y0, check.start, check.ends))
+            checked = _forwards(still, solver, turns, check, None)[0]
+    return alone(walkers), None if checked is None else jax.lax.stop_gradient(alone(checked))
 
-    def leg(walker, ends):
-        begin, end, count, taken = ends
-        h = jnp.where(count > 0, (end - begin) / jnp.maximum(count, 1), 0.0)
-        h, table = (h, split.table(solver, h)) if even is None else even
-        counted = jax.lax.stop_gradient(walker._replace(y=None))
-        if kept_open:
-            walker = _stepped(split, solver, table, begin, h, walker, taken)
-            seen = walker._replace(y=split.closed(solver, table, walker.t, h, walker.y))
+
+def _forwards(moving, solver: Any, turns, route: Route, check: Route | None) -> tuple[Walker, Walker | None]:
+    split, y0, start, ends = moving
+    route = eqx.tree_at(lambda r: (r.start, r.ends), route, (start, ends))
+    arrays, rest = eqx.partition((split, y0, turns, route, check), eqx.is_array)
+    return over_lanes(lambda arrays: _march(solver, *eqx.combine(arrays, rest)))(spread(arrays))
+
+
+def _march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, check: Route | None):
+    """Laned: both ways as passes of one loop, whose program is the larger part of what is to be compiled."""
+    lanes, count = lanes_of(eqx.filter((split, y0, turns, route, check), eqx.is_array)), route.ends.shape[0]
+    none = jnp.zeros(lanes, route.ends.dtype)
+    start = Walker(widened(y0, lanes), turns + none, jnp.zeros(lanes, jnp.int32), route.start + none, none)
+    size = math.isqrt(count - 1) + 1  # of a block of legs
+    blocks = -(-count // size)
+    legs = route.legs(size * blocks)
+    if check is None:
+        return _unpacked(_pass(solver, split, start, legs, size, blocks, route.even)[:count], start), None
+    others = check.legs(size * blocks)
+    width, fewer = lanes_of((legs, others)), -(-check.ends.shape[0] // size)
+    both = jax.tree.map(lambda *x: jnp.stack(widened(x, width)), legs, others)
+    even = route.even if route.even == check.even else None
+    evens, many = jnp.asarray([route.even, check.even]), jnp.asarray([blocks, fewer])
+
+    def one(row):
+        legs, many, is_even = row
+        return _pass(solver, split, start, legs, size, many, is_even if even is None else even)
+
+    rows = jax.lax.map(one, (both, many, evens))
+    return _unpacked(rows[0, :count], start), _unpacked(rows[1, : check.ends.shape[0]], start)
+
+
+def _pass(
+    solver: Any, split: AbstractStepped, start: Walker, legs, size: int, blocks, even
+) -> Float[Array, "E numbers lanes"]:
+    """What was passed at the end of each leg, in rows: of several arrays that a loop writes XLA may copy each as a whole for
+    every row, and likewise of a single one that is long; so blocks of legs."""
+    first = legs[1][0]
+    known = None if even is False else split.table(solver, first)
+    # Between steps of one size a past is kept; to make a new one takes longer than the steps of a leg.
+    kept_open = split.has_past and even is True
+    walker = start._replace(y=split.opened(solver, known, start.t, first, start.y)) if kept_open else start
+
+    def leg(walker, row):
+        begin, h, count, taken = row
+        if isinstance(even, bool):
+            table = known if even else split.table(solver, h)
         else:
-            walker = seen = go((split, begin, h, walker.y), solver, table, counted, taken)
+            table = jax.lax.cond(even, lambda h: known, lambda h: split.table(solver, h), h)
+        if not kept_open:
+            walker = _moved(split, walker, split.opened(solver, table, begin, h, walker.y))
+        walker = seen = _stepped(split, solver, table, begin, h, walker, taken)
+        closed = split.closed(solver, table, walker.t if kept_open else begin + taken * h, h, walker.y)
+        if kept_open:
+            seen = walker._replace(y=closed)
+        else:
+            walker = seen = _moved(split, walker, closed)
         stopped = jnp.where((walker.stopped == 0) & (taken < count), CUT, walker.stopped)
         return walker._replace(stopped=stopped), _packed(seen._replace(stopped=stopped))
 
-    legs = (jnp.concatenate([route.start[None], route.ends[:-1]]), route.ends, route.counts, route.taken)
-    begun = start._replace(y=split.opened(solver, even[1], route.start, even_h, y0)) if kept_open and even else start
-    return jax.vmap(lambda row: _unpacked(row, start))(_in_blocks(leg, begun, legs))
+    legs = jax.tree.map(lambda x: x.reshape(-1, size, x.shape[-1]), legs)
+
+    def block(k, carry):
+        walker, saved = carry
+        walker, rows = jax.lax.scan(leg, walker, jax.tree.map(lambda x: x[k], legs))
+        return walker, saved.at[k].set(rows)
+
+    shape = _packed(start).shape
+    _, saved = jax.lax.fori_loop(0, blocks, block, (walker, jnp.zeros((legs[0].shape[0], size, *shape), start.t.dtype)))
+    return saved.reshape(-1, *shape)
 
 
-def _in_blocks(leg, start: Walker, legs) -> Float[Array, "T numbers"]:
-    """A scan over `legs` in scans over some of them: of several arrays that a loop writes, as derivatives do, XLA may copy
-    each as a whole for every row."""
-    count = legs[0].shape[0]
-    size = math.isqrt(count - 1) + 1
-    padding = -count % size  # by legs of no steps
-
-    def blocks(x):
-        return jnp.pad(x, (0, padding), mode="edge" if jnp.issubdtype(x.dtype, jnp.floating) else "constant").reshape(
-            -1, size
-        )
-
-    _, saved = jax.lax.scan(lambda walker, block: jax.lax.scan(leg, walker, block), start, jax.tree.map(blocks, legs))
-    return saved.reshape(-1, saved.shape[-1])[:count]
+def _packed(walker: Walker) -> Float[Array, "numbers lanes"]:
+    lanes = walker.t.shape[-1]
+    return jnp.concatenate([x.astype(walker.t.dtype).reshape(-1, lanes) for x in jax.tree.leaves(walker)])
 
 
-def _packed(walker: Walker) -> Float[Array, " numbers"]:
-    return jnp.stack([x.astype(walker.t.dtype) for x in jax.tree.leaves(walker)])
-
-
-def _unpacked(row: Float[Array, " numbers"], like: Walker) -> Walker:
+def _unpacked(rows: Float[Array, "T numbers lanes"], like: Walker) -> Walker:
     leaves, structure = jax.tree.flatten(like)
-    return jax.tree.unflatten(structure, [x.astype(leaf.dtype) for x, leaf in zip(row, leaves, strict=True)])
-
-
-def _walk(moving, solver: Any, table: Any, walker: Walker, count) -> Walker:
-    """`count` steps of one size; `moving` is (split, time, step, phase)."""
-    split, begin, h, y = moving
-    opened = _moved(split, walker._replace(y=y), split.opened(solver, table, begin, h, y))
-    walker = _stepped(split, solver, table, begin, h, opened, count)
-    return _moved(split, walker, split.closed(solver, table, begin + count * h, h, walker.y))
+    ends = itertools.accumulate(x.size // x.shape[-1] for x in leaves)
+    parts = jnp.split(rows, list(ends)[:-1], axis=1)
+    shaped = [x.reshape(x.shape[0], *a.shape).astype(a.dtype) for x, a in zip(parts, leaves, strict=True)]
+    return jax.tree.unflatten(structure, shaped)
 
 
 def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: Walker, count) -> Walker:
@@ -114,7 +176,9 @@ def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: 
 
     def body(size: int, carry):
         k, walker = carry
-        here, path = _watched(split, [walker.y], walker, begin + k * h), [walker.y]
+        on = k < count if count.shape[-1] > 1 else True  # alike in all lanes, as the loop's own end
+        path = [walker.y]
+        here = _watched(split, path, walker, begin + k * h)
         for i in range(size):
             path.append(split.step(solver, table, begin + (k + i) * h, h, path[-1]))
         if size > 1:
@@ -125,16 +189,18 @@ def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: 
             if after is not None:
                 stopped = jnp.where(stopped == 0, _strayed(before, after), stopped)
                 turns = turns + passed(before, after)
-        y, going = path[-1], stopped == 0
+        y, going = path[-1], (stopped == 0) & on
         if not split.has_past:  # a past goes on, into nothing: to hold it takes as long as the steps
             y = jax.tree.map(lambda new, old: jnp.where(going, new, old), y, walker.y)
         turns = jnp.where(going, turns, walker.turns)
-        return k + size, Walker(y, turns, stopped, here.t, here.lowest)
+        stopped = jnp.where(on, stopped, walker.stopped)
+        t, lowest = jnp.where(on, here.t, walker.t), jnp.where(on, here.lowest, walker.lowest)
+        return k + size, Walker(y, turns, stopped, t, lowest)
 
-    carry, size = (jnp.zeros_like(count), walker), split.steps_at_once(solver)
+    most, carry, size = jnp.max(count), (jnp.zeros((), count.dtype), walker), split.steps_at_once(solver)
     if size > 1:
-        carry = jax.lax.while_loop(lambda carry: carry[0] + size <= count, functools.partial(body, size), carry)
-    _, walker = jax.lax.while_loop(lambda carry: carry[0] < count, functools.partial(body, 1), carry)
+        carry = jax.lax.while_loop(lambda carry: carry[0] + size <= most, functools.partial(body, size), carry)
+    _, walker = jax.lax.while_loop(lambda carry: carry[0] < most, functools.partial(body, 1), carry)
     end = begin + count * h
     walker = _watched(split, [walker.y], walker, end)
     return walker._replace(t=jnp.where(walker.stopped == 0, end, walker.t))
@@ -146,11 +212,11 @@ def _moved(split: AbstractStepped, walker: Walker, y) -> Walker:
     return walker._replace(y=y, turns=walker.turns if after is None else walker.turns + passed(before, after))
 
 
-def _strayed(before, after) -> Int[Array, ""]:
+def _strayed(before, after) -> Int[Array, " lanes"]:
     """Whether the rod turned too far in a step, or its straight way led through the pivot."""
-    ahead = sum(a * b for a, b in zip(before, after, strict=True))
-    sizes = sum(a * a for a in before) * sum(b * b for b in after)
-    way = sum((a - b) ** 2 for a, b in zip(before, after, strict=True))
+    ahead = summed(before * after)
+    sizes = summed(before * before) * summed(after * after)
+    way = summed((before - after) ** 2)
     through = (ahead < 0) & (sizes - ahead * ahead < _NEAR * way)
     return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, COLLAPSED, COARSE))
 
@@ -161,7 +227,8 @@ def _watched(split: AbstractStepped, phases: list, walker: Walker, t) -> Walker:
     why = jnp.where(lowest > _LEAST_STRAIN, 0, COLLAPSED)
     why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, DIVERGED)
     newest = phases[-1].q if split.has_past else phases[-1]
-    why = jnp.where(jnp.isfinite(sum(jax.tree.leaves(newest))), why, NON_FINITE)
+    total = sum(jnp.sum(x.reshape(-1, x.shape[-1]), axis=0) for x in jax.tree.leaves(newest))
+    why = jnp.where(jnp.isfinite(total), why, NON_FINITE)
     first = walker.stopped == 0
     return walker._replace(
         stopped=jnp.where(first, why, walker.stopped),
@@ -170,59 +237,110 @@ def _watched(split: AbstractStepped, phases: list, walker: Walker, t) -> Walker:
     )
 
 
-_walk_reversible = eqx.filter_custom_vjp(_walk)
+# ---- backwards
 
 
-def _there(perturbed, moving, solver, table, walker, count):
+_undoable = eqx.filter_custom_vjp(_forwards)
+
+
+def _there(perturbed, moving, solver, turns, route, check):
     del perturbed
-    walker = _walk(moving, solver, table, walker, count)
-    return walker, walker
+    walkers, checked = _forwards(moving, solver, turns, route, check)
+    return (walkers, checked), walkers
 
 
-def _and_back(arrived: Walker, gradient, perturbed, moving, solver, table, walker, count):
-    """The gradients of `moving`: each stage is undone, then its derivative is taken where it began."""
-    del walker
-    begin, h = moving[1:3]
-    asked, rest = eqx.partition(moving[0], jax.tree.map(bool, perturbed[0]))
-    defined = jnp.where(arrived.stopped == 0, 1.0, jnp.nan)  # a run that stopped has no derivative
-    y_bar = jax.tree.map(lambda x, bar: bar * defined.astype(x.dtype), arrived.y, gradient.y)
+def _and_back(walkers: Walker, gradient, perturbed, moving, solver, turns, route, check):
+    """The gradients of `moving`."""
+    del turns, check
+    split, _, start, ends = moving
+    asked, known = eqx.partition(split, jax.tree.map(bool, perturbed[0]))
+    by_times = any(jax.tree.leaves(perturbed[2:]))
+    arrays, rest = eqx.partition((asked, known, route), eqx.is_array)
+    y_bars = jax.tree.map(lambda x, bar: jnp.zeros_like(x) if bar is None else bar, walkers.y, gradient[0].y)
 
-    def pulled(function, sums, t, k, y, y_bar):
-        """`sums` and `y_bar` before `function` of (split, t, h, y), at the step k that begins at t."""
-        _, pull = jax.vjp(lambda asked, t, h, y: function(eqx.combine(asked, rest), t, h, y), asked, t, h, y)
-        asked_bar, t_bar, h_bar, y_bar = pull(y_bar)
-        return jax.tree.map(jnp.add, sums, (asked_bar, t_bar, h_bar + k * t_bar)), y_bar
+    def back(arrays, start, ends, walkers, y_bars):
+        asked, known, route = eqx.combine(arrays, rest)
+        route = eqx.tree_at(lambda r: (r.start, r.ends), route, (start, ends))
+        return _undone(solver, asked, known, route, by_times, walkers, y_bars)
 
-    def open_(split: AbstractSplit, t, h, y):
-        return split.settled(split.opened(solver, table, t, h, y))
-
-    def close(split: AbstractSplit, t, h, y):
-        return split.closed(solver, table, t, h, y)
-
-    def step(carry):
-        k, y, y_bar, sums = carry
-        k = k - 1
-        t = begin + k * h
-
-        def visit(carry, stage, known):
-            y, y_bar, sums = carry
-            y = moving[0].undone(stage, known, t, h, y)
-
-            def ahead(split: AbstractSplit, t, h, y):
-                return split.settled(split.stage(stage, known, t, h, y))
-
-            sums, y_bar = pulled(ahead, sums, t, k, y, y_bar)
-            return y, y_bar, sums
-
-        return k, *moving[0].through(solver, table, visit, (y, y_bar, sums), backwards=True)
-
-    sums = jax.tree.map(jnp.zeros_like, (asked, begin, h))
-    y = open_(moving[0], begin, h, arrived.y)
-    sums, y_bar = pulled(close, sums, begin, 0, y, y_bar)
-    _, y, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, step, (count, y, y_bar, sums))
-    (split_bar, begin_bar, h_bar), y_bar = pulled(open_, sums, begin, 0, close(moving[0], begin, h, y), y_bar)
-    return reversible((split_bar, begin_bar, h_bar, y_bar), 0, ONCE)
+    found = over_lanes(back)(*spread((arrays, start, ends)), walkers, y_bars)
+    split_bar, y_bar, times_bar = reversible(alone(found), 0, ONCE)
+    return jax.tree.map(lambda _, x: x, asked, split_bar), y_bar, *((None, None) if times_bar is None else times_bar)
 
 
-_walk_reversible.def_fwd(_there)
-_walk_reversible.def_bwd(_and_back)
+def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Walker, y_bars: Split):
+    """Laned: the gradients of the split as far as `asked`, of y0, and of the times if asked; each stage is undone, then its
+    derivative is taken where it began."""
+    lanes = lanes_of(eqx.filter((walkers, y_bars, asked, known, route), eqx.is_array))
+    asked, walkers, y_bars = widened((asked, walkers, y_bars), lanes)
+    split, dtype = eqx.combine(asked, known), route.ends.dtype
+
+    def leg(carry, row):
+        y_bar, asked_bar = carry
+        walker, bar, begin, h, count = row
+        table = split.table(solver, h)
+        # A run that stopped has no derivative.
+        defined = jnp.where((walker.stopped == 0) | (walker.stopped == CUT), 1.0, jnp.nan).astype(dtype)
+        y_bar = jax.tree.map(lambda x, more: (x + more) * defined, y_bar, bar)
+
+        def pulled(function, sums, t, k, y, y_bar):
+            """`sums` and `y_bar` before `function` of (split, t, h, y), at the step k that begins at t."""
+
+            def of_moved(asked, moment, y):
+                return function(eqx.combine(asked, known), *((t, h) if moment is None else moment), y)
+
+            _, pull = jax.vjp(of_moved, asked, widened((t, h), lanes) if by_times else None, y)
+            asked_bar, moment_bar, y_bar = pull(y_bar)
+            if by_times:
+                t_bar, h_bar = moment_bar
+                moment_bar = (t_bar, h_bar + k * t_bar)
+            return jax.tree.map(jnp.add, sums, (asked_bar, moment_bar)), y_bar
+
+        def open_(split: AbstractSplit, t, h, y):
+            return split.settled(split.opened(solver, table, t, h, y))
+
+        def close(split: AbstractSplit, t, h, y):
+            return split.closed(solver, table, t, h, y)
+
+        def step(carry):
+            k, y, y_bar, sums = carry
+            k = k - 1
+            t = begin + k * h
+
+            def visit(carry, stage, row):
+                y, y_bar, sums = carry
+                y = split.undone(stage, row, t, h, y)
+
+                def ahead(split: AbstractSplit, t, h, y):
+                    return split.settled(split.stage(stage, row, t, h, y))
+
+                sums, y_bar = pulled(ahead, sums, t, k, y, y_bar)
+                return y, y_bar, sums
+
+            before, on = (y, y_bar, sums), k < count if count.shape[-1] > 1 else True
+            after = split.through(solver, table, visit, before, backwards=True)
+            return k, *jax.tree.map(lambda new, old: jnp.where(on, new, old), after, before)
+
+        sums = (asked_bar, (jnp.zeros(lanes, dtype),) * 2 if by_times else None)
+        y = open_(split, begin, h, walker.y)
+        sums, y_bar = pulled(close, sums, begin, 0, y, y_bar)
+        most = jnp.max(count)
+        _, y, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, step, (most, y, y_bar, sums))
+        (asked_bar, moment_bar), y_bar = pulled(open_, sums, begin, 0, close(split, begin, h, y), y_bar)
+        return (y_bar, asked_bar), moment_bar
+
+    none = jax.tree.map(lambda x: jnp.zeros_like(x[0]), y_bars)
+    rows = (walkers, y_bars, *route.times(), route.taken)
+    (y_bar, asked_bar), moments_bar = jax.lax.scan(leg, (none, jax.tree.map(jnp.zeros_like, asked)), rows, reverse=True)
+    if not by_times:
+        return asked_bar, y_bar, None
+
+    def times(start, ends):
+        return eqx.tree_at(lambda r: (r.start, r.ends), route, (start, ends)).times()
+
+    _, pull = jax.vjp(times, *widened((route.start, route.ends), lanes))
+    return asked_bar, y_bar, pull(moments_bar)
+
+
+_undoable.def_fwd(_there)
+_undoable.def_bwd(_and_back)

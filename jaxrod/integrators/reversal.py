@@ -13,6 +13,10 @@ FORWARD = (
     "a run has no forward derivative by default; give simulate adjoint=diffrax.ForwardMode(), and of second "
     "derivatives take both forward: jax.jacfwd(jax.jacfwd(f))"
 )
+BACKWARD = (
+    "a run has no reverse derivative of a reverse derivative, nor any by adjoint=diffrax.ForwardMode() or a multistep "
+    "solver; take the outer one forward, jax.jacfwd(jax.grad(f)) or jax.jacfwd(f), or solver=BlanesMoan6()"
+)
 ONCE = (
     "a run has no reverse derivative of a reverse derivative; take the outer one forward, as jax.hessian does: "
     "jax.jacfwd(jax.grad(f))"
@@ -46,13 +50,17 @@ class NoForwardDerivative(ValueError, TypeError):
 
 @contextlib.contextmanager
 def forward_refused(why: str = FORWARD) -> Iterator[None]:
-    """Says why where JAX would speak of its rules."""
+    """Says why where JAX would speak of its rules; and `BACKWARD`, where a run that only goes forwards is to go backwards."""
     try:
         yield
     except TypeError as error:
         if "custom_vjp" not in str(error):
             raise
         raise NoForwardDerivative(why) from None
+    except ValueError as error:
+        if "Linearization failed" not in str(error):
+            raise
+        raise ValueError(BACKWARD) from None
 
 
 def _is_float(x: Any) -> bool:

@@ -1,7 +1,7 @@
 """What solvers of equal steps ask of the equations that they step.  Knows no rods.
 
-A *split* has a drift, the motion without loads, and a kick, the loads at a frozen position.  A phase is a pytree of
-scalars, number by number (`core/scalarize.py`), which become vectors of lanes under `vmap`.
+A *split* has a drift, the motion without loads, and a kick, the loads at a frozen position.  `encode` and `decode` are of
+one scene; all else is of laned arrays (`core/lanes.py`), the split's own and those of a phase.
 """
 
 import abc
@@ -9,12 +9,13 @@ from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
 class Split(NamedTuple):
-    """What moves: q and its momentum p; where q is the director alone the strain and its momentum; `Numbers` all.
+    """What moves: q and its momentum p; where q is the director alone the strain and its momentum.
 
     `turning`: int 1/J dt by which the director is behind.
     """
@@ -59,7 +60,10 @@ class AbstractStepped(eqx.Module):
 
     @abc.abstractmethod
     def table(self, scheme, h) -> Any:
-        """What is known of steps of size h by `scheme`, once for all of them; it carries no derivative."""
+        """What is known of steps of size h by `scheme`, once for all of them; it carries no derivative.
+
+        None, or of each stage, in rows, and of the first drift.
+        """
 
     @abc.abstractmethod
     def step(self, scheme, table, t, h, y: Any) -> Any:
@@ -117,9 +121,15 @@ class AbstractSplit(AbstractStepped):
         """The same phase, in its one form that leaves nothing to be done."""
         return y
 
-    @abc.abstractmethod
     def through(self, scheme, table, visit: Callable, carry, backwards: bool = False) -> Any:
-        """The carry after `visit(carry, stage, known)` at each stage of a step."""
+        """The carry after `visit(carry, stage, known)` at each stage of a step.
+
+        In a scan: XLA takes several times as long to compile stages written out, which are no faster.
+        """
+        dtype = jax.tree.leaves(carry)[0].dtype
+        stages = Stage(*(jnp.asarray(x, dtype) for x in zip(*scheme.stages, strict=True)))
+        rows = (stages, None if table is None else table[0])
+        return jax.lax.scan(lambda carry, row: (visit(carry, *row), None), carry, rows, reverse=backwards)[0]
 
     def step(self, scheme, table, t, h, y):
         def ahead(y, stage, known):

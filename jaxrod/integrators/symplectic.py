@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..core.lanes import alone, laned, spread
 from .splitting import AbstractSplit, Stage
 
 
@@ -106,8 +107,13 @@ class AbstractSymplectic(diffrax.AbstractSolver):
 
 
 def single_step(solver: AbstractSymplectic, split: AbstractSplit, t, h, y):
-    """A step from y to y."""
-    return split.whole_step(solver, split.table(solver, h), t, h, y)
+    """A step of one scene, from y to y."""
+
+    @laned
+    def step(split, t, h, y):
+        return split.whole_step(solver, split.table(solver, h), t, h, y)
+
+    return alone(step(*spread((split, t, h, y))))
 
 
 class ShorterStep(diffrax.AbstractLocalInterpolation):

@@ -18,7 +18,6 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import tracing, units, validation
-from ..core.scalarize import Undivided
 from ..core.units import Number, Row
 
 _STENCIL = 5  # samples of which the slope and the curvature at one of them are taken
@@ -29,7 +28,7 @@ _PULSE = 64  # steps in an `Impulse`, at least
 _NO_USERS = {"jax", "jaxlib", "numpy", "equinox", "diffrax", "interpax", "optimistix", "lineax", "jaxrod", "builtins"}
 
 
-class AbstractSignal(Undivided):
+class AbstractSignal(eqx.Module):
     """A function of time t (s), which knows when it changes."""
 
     @property

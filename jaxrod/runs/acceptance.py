@@ -1,14 +1,14 @@
 """Whether a run by equal steps is to be believed: by the energy it kept, and by another with fewer steps."""
 
-from typing import Any
-
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core.linear_algebra import eigvalsh
-from ..integrators.fixed_step import Route, march
+from ..integrators.fixed_step import Route, Walker
+from ..integrators.splitting import AbstractStepped
 from ..mechanics.energy import gravity_pivoted, kinetic_director
 from ..mechanics.equations import DiscreteSystem
 from ..motions.state import State
@@ -36,43 +36,90 @@ def energy_lost(scene: DiscreteSystem, start: State, states: State, reached) -> 
     return jax.lax.stop_gradient(over(change, size))
 
 
-def trusted(
-    scene: DiscreteSystem,
-    start: State,
-    scales: Scales,
-    solver: Any,
-    split: Any,
-    t0: Float[Array, ""],
-    ts: Float[Array, " T"],
-    tolerance: Float[Array, ""],
-    stops: Stops,
-    taken: Int[Array, " E"],
-    states: State,
-    policy: StepPolicy,
-) -> Bool[Array, ""]:
-    """Whether steps that were counted from the start were short enough for what came.
+class Comparison(eqx.Module):
+    """Another run from the same start with fewer steps, which is held against a run.
 
-    Fewer are taken too where no energy tells: where loads do not keep it, where large strains hide the error from it, where
-    the rod may linger upside down, and in float32, whose rounding it does not show.
+    At K of the save times, of which those `looked` at count: at the end alone two errors that oscillate may meet.  `whole`:
+    they are looked at to the end.  Else, where little is to be feared, in the first part of the run, of which the rest is
+    thought to be off in proportion.
     """
-    name, several = t0.dtype.name, scene.n > 1
-    trusted = jnp.asarray(scene.motion.prescribed) | (scales.strain <= policy.hopeless[name])
-    if name == "float32" and several:
-        trusted = trusted & (_condition(scene) * jnp.finfo(t0.dtype).eps <= tolerance)
-    always = not is_closed(scene) or name == "float32"
-    if not always and not several:
-        return trusted
-    # Where little is to be feared, in the first part of the run, of which the rest is thought to be off in proportion.
-    parts = min(_SEEN, ts.size)
-    whole = jnp.asarray(always) | (scales.strain > policy.hard) | _may_linger(scene, start, policy)
-    looked = whole | ((jnp.arange(parts) == 0) & (parts > 1))
-    off = _off_by_fewer(scene, solver, split, start, t0, ts, stops, taken, states, looked, policy)
-    turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
-    bound = policy.unresolved[name] * (tolerance + policy.each_radian[name] * turned)
-    bound = bound * jnp.where(whole, 1.0, policy.at_first)
-    if stops.inner is not None:  # a leg of one step is held against two, which are less apart than fewer and all
-        bound = jnp.where(jnp.any(taken == 1), bound / 2, bound)
-    return trusted & jnp.all((off <= bound) | ~looked)
+
+    route: Route
+    halts: Stops
+    looked: Bool[Array, " K"]
+    whole: Bool[Array, ""]
+    seen: tuple[int, ...] = eqx.field(static=True)  # of the save times
+
+    @staticmethod
+    def of(
+        scene: DiscreteSystem,
+        start: State,
+        scales: Scales,
+        t0: Float[Array, ""],
+        ts: Float[Array, " T"],
+        stops: Stops,
+        steps: Int[Array, " E"],
+        policy: StepPolicy,
+    ) -> "Comparison | None":
+        """That of a run of so many `steps`.
+
+        None where the energy tells: it does not where loads do not keep it, where large strains hide the error from it, where
+        the rod may linger upside down, and in float32, whose rounding it does not show.
+        """
+        always = not is_closed(scene) or t0.dtype == jnp.float32
+        if not always and scene.n < 2:
+            return None
+        parts = min(_SEEN, ts.size)
+        whole = jnp.asarray(always) | (scales.strain > policy.hard) | _may_linger(scene, start, policy)
+        looked = whole | ((jnp.arange(parts) == 0) & (parts > 1))
+        seen = np.unique(np.linspace(0, ts.size - 1, parts + 1)[1:].astype(int))
+        halts = Stops.merged(t0, ts[seen], stops.inner)
+        reached = seen if stops.inner is None else stops.last_until(halts.ends)
+        legs = jnp.diff(summed(steps)[reached], prepend=0)
+        fewer = jnp.where(legs == 1, 2, jnp.round(policy.fewer * legs).astype(legs.dtype))
+        fewer = fewer * looked if stops.inner is None else fewer  # loads are looked at to the end
+        route = Route(t0, halts.ends, fewer, fewer, halts.ends.size == 1)
+        return Comparison(route, halts, looked, whole, tuple(seen.tolist()))
+
+    def off(
+        self, scene: DiscreteSystem, split: AbstractStepped, ts: Float[Array, " T"], states: State, walkers: Walker
+    ) -> Float[Array, " K"]:
+        """By how much the tip is elsewhere, over the furthest it was out, at least the length."""
+        other, seen = self.halts.at_saves(walkers), np.array(self.seen)
+
+        def tip(state: State) -> Float[Array, " D"]:  # in flight from the centre of mass
+            return scene.body.reach(state.amplitudes) * state.direction
+
+        here = jax.vmap(tip)(states)
+        there = jax.vmap(tip)(jax.vmap(split.decode)(ts[seen], other.y, other.turns))
+        size = jnp.maximum(jnp.max(jnp.linalg.norm(here, axis=-1)), scene.length)
+        return jax.lax.stop_gradient(jnp.linalg.norm(here[seen] - there, axis=-1) / size)
+
+    def passed(
+        self,
+        off: Float[Array, " K"],
+        tolerance: Float[Array, ""],
+        turned: Float[Array, ""],
+        single: Bool[Array, ""],
+        policy,
+    ) -> Bool[Array, ""]:
+        """Whether that is little, of a run that `turned` so many rad; `single`: whether a leg of it is one step, which is held
+        against two, less apart than fewer and all."""
+        name = tolerance.dtype.name
+        bound = policy.unresolved[name] * (tolerance + policy.each_radian[name] * turned)
+        bound = bound * jnp.where(self.whole, 1.0, policy.at_first)
+        if self.halts.inner is not None:
+            bound = jnp.where(single, bound / 2, bound)
+        return jnp.all((off <= bound) | ~self.looked)
+
+
+def foreseen(scene: DiscreteSystem, scales: Scales, tolerance: Float[Array, ""], policy: StepPolicy) -> Bool[Array, ""]:
+    """Whether the start shows what will come, and rounding leaves the tolerance within reach."""
+    name = tolerance.dtype.name
+    seen = jnp.asarray(scene.motion.prescribed) | (scales.strain <= policy.hopeless[name])
+    if name == "float32" and scene.n > 1:
+        seen = seen & (_condition(scene) * jnp.finfo(tolerance.dtype).eps <= tolerance)
+    return seen
 
 
 def _may_linger(scene: DiscreteSystem, start: State, policy: StepPolicy) -> Bool[Array, ""]:
@@ -92,28 +139,3 @@ def _condition(scene: DiscreteSystem) -> Float[Array, ""]:
     size = jnp.sqrt(jnp.diagonal(mass))
     spread = eigvalsh(mass / (size[:, None] * size[None, :]))
     return spread[-1] / jnp.maximum(spread[0], jnp.finfo(mass.dtype).eps)
-
-
-def _off_by_fewer(
-    scene: DiscreteSystem, solver, split, start: State, t0, ts, stops: Stops, steps, states: State, looked, policy: StepPolicy
-) -> Float[Array, " K"]:  # fmt: skip
-    """By how much the tip is elsewhere with fewer than `steps`, over the furthest it was out, at least the length.
-
-    At K of the save times, the first ones that are `looked` at: at the end alone two errors that oscillate may meet.
-    """
-    seen = np.unique(np.linspace(0, ts.size - 1, looked.size + 1)[1:].astype(int))
-    halts = Stops.merged(t0, ts[seen], stops.inner)
-    reached = seen if stops.inner is None else stops.last_until(halts.ends)
-    legs = jnp.diff(summed(steps)[reached], prepend=0)
-    fewer = jnp.where(legs == 1, 2, jnp.round(policy.fewer * legs).astype(legs.dtype))
-    fewer = fewer * looked if stops.inner is None else fewer  # loads are looked at to the end
-    route = Route(t0, halts.ends, fewer, fewer, halts.ends.size == 1)
-    other = halts.at_saves(march(solver, split, split.encode(start), start.turns, route, False))
-
-    def tip(state: State) -> Float[Array, " D"]:  # in flight from the centre of mass
-        return scene.body.reach(state.amplitudes) * state.direction
-
-    here = jax.vmap(tip)(states)
-    there = jax.vmap(tip)(jax.vmap(split.decode)(ts[seen], other.y, other.turns))
-    size = jnp.maximum(jnp.max(jnp.linalg.norm(here, axis=-1)), scene.length)
-    return jax.lax.stop_gradient(jnp.linalg.norm(here[seen] - there, axis=-1) / size)

@@ -24,7 +24,7 @@ from ..mechanics.system import System
 from ..motions.preview import Preview
 from ..motions.state import State
 from ..motions.stops import Stops
-from .acceptance import MOST_STEPS, energy_lost, summed, trusted
+from .acceptance import MOST_STEPS, Comparison, energy_lost, foreseen, summed
 from .scales import Scales
 from .solution import Solution
 from .step_policy import StepPolicy
@@ -91,7 +91,9 @@ def step_through(
     taken = jnp.where(stable, jnp.clip(max_steps - (summed(counts) - counts), 0, counts), 0)
     enough = taken == counts
 
-    saved = march(solver, split, split.encode(start), start.turns, Route(t0, ends, counts, taken, even), backwards)
+    comparison = None if n_steps is not None else Comparison.of(scene, start, scales, t0, ts, stops, taken, policy)
+    route, check = Route(t0, ends, counts, taken, even), None if comparison is None else comparison.route
+    saved, others = march(solver, split, split.encode(start), start.turns, route, check, backwards)
     last, saved = jax.tree.map(lambda x: x[-1], saved), stops.at_saves(saved)
     states = jax.vmap(split.decode)(ts, saved.y, saved.turns)
     reached = valid & ((end_only and not split.has_past) | ((saved.stopped == 0) & stops.at_saves(enough)))
@@ -101,9 +103,11 @@ def step_through(
         coarse = lost > policy.open_energy * tolerance + rounding
         # Steps counted from the start do not see how fast the rod turns when pressed together later.
         coarse = coarse | (last.lowest < policy.pressed)
-        coarse = coarse | ~trusted(
-            scene, start, scales, solver, split, t0, ts, tolerance, stops, taken, states, policy
-        )  # fmt: skip
+        coarse = coarse | ~foreseen(scene, scales, tolerance, policy)
+        if comparison is not None and others is not None:
+            off = comparison.off(scene, split, ts, states, others)
+            turned = jnp.mean(jnp.linalg.norm(states.direction_rate, axis=-1)) * (ts[-1] - t0)
+            coarse = coarse | ~comparison.passed(off, tolerance, turned, jnp.any(taken == 1), policy)
     else:
         coarse = lost > 0.1
         coarse = coarse if looked is None else coarse | looked.hides_in(size)

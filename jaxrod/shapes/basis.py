@@ -50,6 +50,10 @@ class AbstractBasis(eqx.Module):
     ) -> Float[Array, "n points"]:
         """phi_1' .. phi_n' at the material coordinates s (m); `pivot` (m) if there is one inside the rod."""
 
+    def nodal(self, rod: Rod, panels: Panels, pivot: Float[Array, ""] | None, free: bool) -> Float[Array, "n nodes"]:
+        """The same at the points of its own panels."""
+        return self.strains(rod, panels.s, pivot, free)
+
     def shapes(
         self, rod: Rod | Lumped, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False
     ) -> Float[Array, "all points"]:
@@ -58,7 +62,7 @@ class AbstractBasis(eqx.Module):
             return jnp.stack([s] * (self.n + 1))
         pivot = self._held(rod, pivot)
         panels = self._panels(rod, pivot)
-        phi, strains = self._rise(s, pivot), self.strains(rod, panels.s, pivot, free)
+        phi, strains = self._rise(s, pivot), self.nodal(rod, panels, pivot, free)
         if not self._smooth:
             excess = _excess(strains)
             phi = phi.at[1:].add(panels.antiderivative(excess, s) - until(panels, excess, pivot)[:, None])
@@ -71,7 +75,7 @@ class AbstractBasis(eqx.Module):
         pivot = self._held(rod, pivot)
         panels = self._panels(rod, pivot)
         s, ds = panels.s, panels.ds
-        strains = self.strains(rod, s, pivot, free)
+        strains = self.nodal(rod, panels, pivot, free)
         phi = self._at_points(rod, panels, pivot, strains)
         phi = phi - _mean(rod, panels, phi)[:, None] if free else phi
         rigidity = rod.modulus(s) * rod.area(s) * ds
@@ -203,10 +207,18 @@ class ForceRitz(AbstractShapes):
         return self.n > 2
 
     def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
-        if self.n == 0:
-            return jnp.zeros((0, *s.shape), s.dtype)
         panels = self._panels(rod, pivot)
+        return self._strains(rod, panels, pivot, s)[:, panels.s.size :]
+
+    def nodal(self, rod: Any, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
+        del free
+        return self._strains(rod, panels, pivot, panels.s[:0])
+
+    def _strains(self, rod: Rod, panels: Panels, pivot, s) -> Float[Array, "n nodes_points"]:
+        """At the points of the panels, then at s."""
         points = jnp.concatenate([panels.s, s])
+        if self.n == 0:
+            return jnp.zeros((0, points.size), points.dtype)
         compliance = 1 / (rod.modulus(points) * rod.area(points))
         ends, pieces = _pieces(rod, pivot)
 
@@ -227,7 +239,7 @@ class ForceRitz(AbstractShapes):
         nodes = panels.s.size
         shapes = _orthogonal(forces * compliance[None, :], panels.ds / compliance[:nodes])
         mean = shapes[:1, :nodes] @ panels.ds / rod.length
-        return jnp.where(_pointed(rod), jnp.nan, (shapes / mean[:, None])[:, nodes:])
+        return jnp.where(_pointed(rod), jnp.nan, shapes / mean[:, None])
 
 
 class QuasiStatic(AbstractBasis):
@@ -275,6 +287,9 @@ class QuasiStatic(AbstractBasis):
 
     def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
         return self.basis.strains(rod, s, pivot, free)
+
+    def nodal(self, rod: Any, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
+        return self.basis.nodal(rod, panels, pivot, free)
 
 
 @tracing.at_once

@@ -39,23 +39,32 @@ class LoadRitz(AbstractShapes):
     def strains(
         self, rod: Rod, s: Float[jax.Array, " points"], pivot: Float[jax.Array, ""] | None = None, free: bool = False
     ):
-        if self.n == 0:
-            return jnp.zeros((0, *s.shape), s.dtype)
         panels = self._panels(rod, pivot)
+        return self._strains(rod, panels, pivot, free, s)[:, panels.s.size :]
+
+    def nodal(self, rod: Rod, panels: Panels, pivot: Float[jax.Array, ""] | None, free: bool):
+        return self._strains(rod, panels, pivot, free, panels.s[:0])
+
+    def _strains(self, rod: Rod, panels: Panels, pivot, free: bool, s) -> Float[jax.Array, "n nodes_points"]:
+        """At the points of the panels, then at s."""
         nodes, points = panels.s.size, jnp.concatenate([panels.s, s])
+        if self.n == 0:
+            return jnp.zeros((0, points.size), points.dtype)
         compliance = 1 / (rod.modulus(points) * rod.area(points))
         rigidity = panels.ds / compliance[:nodes]
         mass = lumped_mass(rod, panels)
         weight = rod.mass_density(panels.s) * rod.area(panels.s)
 
-        def stretched(phi: Float[jax.Array, " nodes_tip"]) -> Float[jax.Array, " points"]:
+        def stretched(phi: Float[jax.Array, " nodes_tip"]) -> Float[jax.Array, " nodes_points"]:
             """Strain under the load rho A phi and, at the tip, its mass times phi: the tension beyond each point over EA."""
             load, tip = (weight * phi[:-1])[None], mass[-1] * phi[-1]
-            below = panels.antiderivative(load, s)[0]
-            beyond = jnp.concatenate([panels.remaining(load)[0], load[0] @ panels.ds - below]) + tip
+            beyond, below = [panels.remaining(load)[0]], []
+            if s.size:
+                below = [panels.antiderivative(load, s)[0]]
+                beyond.append(load[0] @ panels.ds - below[0])
+            beyond = jnp.concatenate(beyond) + tip
             if pivot is not None:
-                below = jnp.concatenate([panels.running(load)[0], below])
-                beyond = jnp.where(points > pivot, beyond, -below)
+                beyond = jnp.where(points > pivot, beyond, -jnp.concatenate([panels.running(load)[0], *below]))
             return beyond * compliance
 
         def displaced(strain: Float[jax.Array, " nodes"]) -> Float[jax.Array, " nodes_tip"]:
@@ -75,7 +84,7 @@ class LoadRitz(AbstractShapes):
         (shapes, _), _ = jax.lax.scan(add, (none, chains), jnp.arange(self.n))
         mean = shapes[:, :nodes] @ panels.ds / rod.length
         first = shapes[0] / mean[0]
-        return jnp.concatenate([first[None], shapes[1:] - mean[1:, None] * first[None, :]])[:, nodes:]
+        return jnp.concatenate([first[None], shapes[1:] - mean[1:, None] * first[None, :]])
 
 
 def _seeds(rod: Rod, panels: Panels, pivot) -> list[Float[jax.Array, " nodes"]]:

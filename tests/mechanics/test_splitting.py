@@ -10,9 +10,9 @@ import pytest
 from conftest import scene
 
 import jaxrod
-from jaxrod.core.scalarize import gathered, scattered
-from jaxrod.integrators.splitting import Split
+from jaxrod.core.lanes import alone, laned, spread
 from jaxrod.integrators.symplectic import single_step
+from jaxrod.mechanics import energy
 from jaxrod.mechanics.splittings.driven_rotation import Prescribed
 from jaxrod.mechanics.splittings.free_rotation import Axial
 from jaxrod.mechanics.splittings.uniform_strain import Flat
@@ -77,22 +77,24 @@ def test_stages_are_undone(name):
     split, solver, h = system.split(start), jaxrod.ABA864(), 4e-3
 
     @jax.jit
-    def there_and_back(y):
+    @laned
+    def there_and_back(split, h, y):
         table = split.table(solver, h)
 
         def visit(carry, stage, known):
             y, off = carry
-            y1 = split.stage(stage, known, 0.1, h, y)
-            back = split.undone(stage, known, 0.1, h, split.settled(y1))
-            differences = jax.tree.map(lambda a, b: jnp.abs(a - b), back, split.settled(y))
+            y1 = split.stage(stage, known, 0.1 + 0 * h, h, y)
+            back = split.undone(stage, known, 0.1 + 0 * h, h, split.settled(y1))
+            differences = jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b), initial=0.0), back, split.settled(y))
             return y1, jnp.maximum(off, jnp.max(jnp.stack(jax.tree.leaves(differences))))
 
-        return split.through(solver, table, visit, (split.opened(solver, table, 0.1, h, y), 0.0))
+        return split.through(solver, table, visit, (split.opened(solver, table, 0.1 + 0 * h, h, y), 0.0))
 
     y0 = split.encode(start)
-    y1, off = there_and_back(y0)
+    y1, off = there_and_back(*spread((split, h, y0)))
     assert off < 1e-12
-    assert max(abs(a - b) for a, b in zip(jax.tree.leaves(y0), jax.tree.leaves(y1), strict=True)) > 1e-3
+    ways = jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b), initial=0.0), y0, alone(y1))
+    assert max(jax.tree.leaves(ways)) > 1e-3
 
 
 def _run(energy, y, t):
@@ -123,7 +125,7 @@ def test_each_axial_flow_is_exact(part):
     split = system.split(start)
     modes, t = split.modes, 0.02
     y = split.encode(start)
-    eta, psi, p, momentum = gathered(y.strain), 0.3, gathered(y.strain_momentum) * modes.rates, y.p[0]
+    eta, psi, p, momentum = y.strain, 0.3, y.strain_momentum * modes.rates, y.p[0]
 
     def energy(q, p):
         return PARTS[part](modes, q[:-1], p[:-1], q[-1], p[-1])
@@ -131,15 +133,15 @@ def test_each_axial_flow_is_exact(part):
     q1, p1 = _run(energy, (jnp.append(eta, psi), jnp.append(p, momentum)), t)
 
     flows = {
-        "drift": lambda y: split.settled(split._drift(split._circle(t), t, y)),
-        "turning": lambda y: split.settled(split._straighten(t, y)),
-        "gravity": lambda y: split._load(0.0, t, y),
+        "drift": lambda split, t, y: split.settled(split._drift(split._circle(t), t, y)),
+        "turning": lambda split, t, y: split.settled(split._straighten(t, y)),
+        "gravity": lambda split, t, y: split._load(0 * t, t, y),
     }
-    found = flows[part](y)
-    np.testing.assert_allclose(gathered(found.strain), q1[:-1], atol=1e-12)
-    np.testing.assert_allclose(gathered(found.strain_momentum) * modes.rates, p1[:-1], atol=2e-11)
+    found = alone(laned(flows[part])(*spread((split, t, y))))
+    np.testing.assert_allclose(found.strain, q1[:-1], atol=1e-12)
+    np.testing.assert_allclose(found.strain_momentum * modes.rates, p1[:-1], atol=2e-11)
     np.testing.assert_allclose(found.p[0], p1[-1], rtol=1e-12)
-    np.testing.assert_allclose(gathered(found.q), [jnp.cos(q1[-1]), jnp.sin(q1[-1])], atol=1e-12)
+    np.testing.assert_allclose(found.q, [jnp.cos(q1[-1]), jnp.sin(q1[-1])], atol=1e-12)
     if part != "gravity":
         assert abs(q1[-1] - psi) > 1e-4, "nothing turned"
 
@@ -153,7 +155,7 @@ def test_the_flat_kick_is_minus_the_gradient_of_the_energy():
         state = dataclasses.replace(start, direction=q / jnp.sqrt(q @ q), amplitudes=(jnp.sqrt(q @ q) - 1)[None])
         return system.elastic_energy(state) + system.gravity_energy(state)
 
-    found = gathered(split.force(0.0, scattered(q)))
+    found = alone(laned(type(split).force)(*spread((split, 0.0, q))))
     np.testing.assert_allclose(found, -jax.grad(potential)(q) / inertia, rtol=1e-12)
 
 
@@ -182,9 +184,15 @@ def test_what_cannot_be_split_says_so(change, why):
     assert type(jaxrod.default_solver(system)) is diffrax.Dopri8
 
 
-def test_phases_are_scalars():
-    """Lanes last: under vmap every number is a vector of its own."""
-    system, start = _scene("axial")
-    y = system.split(start).encode(start)
-    assert isinstance(y, Split)
-    assert all(jnp.ndim(x) == 0 for x in jax.tree.leaves(y))
+def test_one_energy_makes_the_default_run(scene, monkeypatch):
+    """What `energy.py` says is what moves: with another energy of weight the default run is another one, by as much."""
+    system = scene(basis=jaxrod.Ritz(2), gravity=9.81)
+    heavier = scene(basis=jaxrod.Ritz(2), gravity=2 * 9.81)
+    expected = jaxrod.simulate(heavier, heavier.state(rate=12.0), t1=0.2, n_steps=300, solver=jaxrod.ABA864())
+    weight = energy.gravity_pivoted
+    monkeypatch.setattr(energy, "gravity_pivoted", lambda *x: 2 * weight(*x))
+    jax.clear_caches()
+    found = jaxrod.simulate(system, system.state(rate=12.0), t1=0.2, n_steps=300, solver=jaxrod.ABA864())
+    monkeypatch.undo()
+    jax.clear_caches()
+    np.testing.assert_allclose(found.tip, expected.tip, rtol=1e-12)

@@ -4,22 +4,17 @@ A split has a *drift*, the motion without loads, and a *kick*, the loads at a fr
 that automatic differentiation takes from the energies.  Symmetric compositions of the two (`integrators.symplectic`) are methods
 of high order that keep the energy without a trend.
 
-Everything is per unit of the moment of inertia at rest, and number by number (`core.scalarize`): a phase is a pytree of scalars,
-which become vectors of lanes under `vmap`.
+Everything is per unit of the moment of inertia at rest.
 """
 
 import dataclasses
-import functools
 import math
-from collections.abc import Iterable
-from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ...core.scalarize import Numbers, by_number
 from ...motions.motion import Rotation
 from ...motions.state import State
 from ...shapes.projection import Projection
@@ -59,14 +54,10 @@ def watched(field: Float[Array, "n points"]) -> Float[Array, "n places"]:
     return field[:, np.unique(np.linspace(0, points - 1, 2 * n + 3).round().astype(int))]
 
 
-def least(numbers: Iterable) -> Any:
-    """The least of several numbers, lane by lane."""
-    return functools.reduce(jnp.minimum, numbers)
-
-
-def lowest(amplitudes: Numbers, field: Numbers) -> Any:
+def lowest(amplitudes: Float[Array, "n lanes"], field: Float[Array, "n places lanes"]) -> Float[Array, " lanes"]:
     """The least strain at the points where `field` is known."""
-    return least(by_number(jnp.matmul)(amplitudes, field))
+    strains = sum(a * along for a, along in zip(amplitudes, field, strict=True))
+    return jnp.min(strains, axis=0)
 
 
 def per_inertia(body: Projection) -> Projection:

@@ -6,8 +6,9 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from ...core.scalarize import by_number, gathered, scattered
+from ...core.lanes import lanewise
 from ...integrators.splitting import Split
 from ...motions.state import State
 from ..chart import Strains
@@ -21,24 +22,20 @@ class Prescribed(AbstractOscillating):
 
     scene: DiscreteSystem  # without its stiffness, which the oscillators have
     modes: AxialModes
-    numbers: Any
-    field: Any
+    field: Float[Array, "n places"]
 
     def __init__(self, scene: DiscreteSystem, t0, start: State):
         del t0, start
         self.modes = AxialModes(scene.body)
-        slack = eqx.tree_at(lambda s: s.body.stiffness_matrix, scene, jnp.zeros_like(scene.body.stiffness_matrix))
-        self.scene = slack
-        self.numbers = scattered((self.modes, slack))
-        self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
+        self.scene = eqx.tree_at(lambda s: s.body.stiffness_matrix, scene, jnp.zeros_like(scene.body.stiffness_matrix))
+        self.field = self.modes.shapes.T @ watched(scene.body.strains)
 
     def encode(self, state):
         eta, deta = self.modes.encode(state)
-        return Split(None, None, scattered(eta), scattered(deta))
+        return Split(None, None, eta, deta)
 
     def decode(self, t, y, turns):
-        eta, deta = gathered((y.strain, y.strain_momentum))
-        return Strains().decode(self.scene.motion, t, *self.modes.decode(eta, deta), turns)
+        return Strains().decode(self.scene.motion, t, *self.modes.decode(y.strain, y.strain_momentum), turns)
 
     def stage(self, stage, known, t, h, y):
         return self._drift(known, stage.drift * h, self._kick(t + stage.passed * h, stage.kick * h, y))
@@ -54,15 +51,11 @@ class Prescribed(AbstractOscillating):
         return jnp.minimum(math.pi / self.modes.rates[0], LONGEST_TURN / jnp.maximum(fastest, 1e-30))
 
     def _drift(self, circle, t, y: Split):
-        pairs = list(zip(self._turned(circle, t), y.strain, y.strain_momentum, strict=True))
-        return y._replace(
-            strain=y.strain.like([x + (s * p - v * x) for (v, s), x, p in pairs]),
-            strain_momentum=y.strain.like([p - (s * x + v * p) for (v, s), x, p in pairs]),
-        )
+        (versine, sin), x, p = self._turned(circle, t), y.strain, y.strain_momentum
+        return y._replace(strain=x + (sin * p - versine * x), strain_momentum=p - (sin * x + versine * p))
 
     def _kick(self, t, h, y: Split):
-        modes, scene = self.numbers
-        return self._kicked(h, by_number(_push)(modes, scene, t, y.strain), y)
+        return self._kicked(h, lanewise(_push)(self.modes, self.scene, t, y.strain), y)
 
 
 def _push(modes: AxialModes, scene: DiscreteSystem, t, eta):

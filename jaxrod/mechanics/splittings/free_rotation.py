@@ -1,12 +1,12 @@
 """Axial modes of a rod that is free to turn."""
 
 import math
-from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from ...core.scalarize import Numbers, by_number, gathered, scattered
+from ...core.lanes import lanewise, summed
 from ...integrators.splitting import Split
 from ...motions.state import Placement, State
 from .. import energy
@@ -34,26 +34,24 @@ class Axial(AbstractOscillating):
 
     scene: DiscreteSystem
     modes: AxialModes
-    numbers: Any
-    field: Any
+    loads: DiscreteSystem | None  # the scene, if it has forces
+    field: Float[Array, "n places"]
     center: Center | None
 
     def __init__(self, scene: DiscreteSystem, t0, start: State):
         self.center = Center.of(scene, t0, start)
         self.scene, self.modes = held(scene, scene.body), AxialModes(scene.body)
-        loads = self.scene if self.scene.forces else None
-        self.numbers = scattered((self.modes, self.scene.gravity, loads))
-        self.field = scattered(self.modes.shapes.T @ watched(scene.body.strains))
+        self.loads = self.scene if self.scene.forces else None
+        self.field = self.modes.shapes.T @ watched(scene.body.strains)
 
     def encode(self, state):
         eta, deta = self.modes.encode(state)
         inertia = self.modes.inertia(eta)
         momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
-        d, momentum = scattered((state.direction, jnp.atleast_1d(momentum)))
-        return Split(d, momentum, scattered(eta), scattered(deta), jnp.zeros_like(inertia))
+        return Split(state.direction, jnp.atleast_1d(momentum), eta, deta, jnp.zeros_like(inertia))
 
     def decode(self, t, y, turns):
-        d, momentum, eta, deta, _ = gathered(y)
+        d, momentum, eta, deta, _ = y
         spin = momentum / self.modes.inertia(eta)
         rate = spin * jnp.stack([-d[1], d[0]]) if d.size == 2 else jnp.cross(spin, d)
         return with_center(State(d, rate, *self.modes.decode(eta, deta), turns), self.center, t)
@@ -73,36 +71,32 @@ class Axial(AbstractOscillating):
 
     def _drift(self, circle, t, y: Split) -> Split:
         """The oscillators under a constant pull for a time t; the director is to turn by l int 1/J dt."""
-        modes, square = self.numbers[0], sum(x * x for x in y.p)
-        strain, momentum, swept, pulled = [], [], 0.0, 0.0
-        for (v, s), period, arm, eta, p in zip(
-            self._turned(circle, t), modes.periods, modes.arms, y.strain, y.strain_momentum, strict=True
-        ):
-            drawn = arm * period * period
-            off = eta - square * drawn
-            # Written so, and with `swept` in full: XLA makes slower code of what is shorter here.
-            strain.append(square * drawn + (off + (s * p - v * off)))
-            momentum.append(p - (s * off + v * p))
-            swept = swept + arm * period * (s * off + v * p)
-            pulled = pulled + arm * drawn
-        turning = y.turning + (t - 2 * (swept + square * pulled * t))
-        return y._replace(strain=y.strain.like(strain), strain_momentum=y.strain.like(momentum), turning=turning)
+        modes, square = self.modes, summed(y.p * y.p)
+        (versine, sin), eta, p = self._turned(circle, t), y.strain, y.strain_momentum
+        drawn = modes.arms * modes.periods**2
+        off = eta - square * drawn
+        swept = summed(modes.arms * modes.periods * (sin * off + versine * p))
+        pulled = summed(modes.arms * drawn)
+        return y._replace(
+            strain=square * drawn + (off + (sin * p - versine * off)),
+            strain_momentum=p - (sin * off + versine * p),
+            turning=y.turning + (t - 2 * (swept + square * pulled * t)),
+        )
 
     def _straighten(self, h, y: Split) -> Split:
         """The kick of what is left of the turning."""
-        modes, square = self.numbers[0], sum(x * x for x in y.p)
-        if not len(modes.rates):
+        if not y.strain.shape[0]:
             return y
-        push, turning = by_number(_rest)(modes, y.strain, square)
+        push, turning = lanewise(_rest)(self.modes, y.strain, summed(y.p * y.p))
         return self._kicked(-h, push, y)._replace(turning=y.turning + 2 * h * turning)
 
     def _load(self, t, h, y: Split) -> Split:
         """The kick of gravity and of forces."""
-        modes, gravity, loads = self.numbers
-        if gravity is None and loads is None:
+        gravity = self.scene.gravity
+        if gravity is None and self.loads is None:
             return y
-        moment, push = by_number(_loads)(modes, gravity, loads, t, y.q, y.strain)
-        return self._kicked(h, push, y)._replace(p=y.p.moved(h, moment))
+        moment, push = lanewise(_loads)(self.modes, gravity, self.loads, t, y.q, y.strain)
+        return self._kicked(h, push, y)._replace(p=y.p + h * moment)
 
 
 def _rest(modes: AxialModes, eta, square):
@@ -133,18 +127,18 @@ def _loads(modes: AxialModes, gravity, loads: DiscreteSystem | None, t, d, eta):
     return moment, push
 
 
-def _rotated(d: Numbers, momentum: Numbers, turning) -> Numbers:
+def _rotated(d: Float[Array, "D lanes"], momentum: Float[Array, "1|3 lanes"], turning) -> Float[Array, "D lanes"]:
     """The director turned about `momentum` by |momentum| turning."""
-    square = sum(x * x for x in momentum) * (turning * turning)
+    square = summed(momentum * momentum) * (turning * turning)
     versine, sin = 0.0, 0.0
     for k in reversed(range(_SERIES)):
         versine = versine * square + (-1) ** k / math.factorial(2 * k + 2)
         sin = sin * square + (-1) ** k / math.factorial(2 * k + 1)
     versine, sin = versine * square, sin * turning
-    if len(d) == 2:
+    if d.shape[0] == 2:
         x, y = d
-        sin = sin * momentum[0]
-        return d.like([x - (versine * x + sin * y), y + (sin * x - versine * y)])
-    (x, y, z), (a, b, c) = d, momentum
-    across = (b * z - c * y, c * x - a * z, a * y - b * x)
-    return d.like([u + (sin * w - versine * u) for u, w in zip(d, across, strict=True)])
+        across = momentum * jnp.stack([-y, x])
+    else:
+        (x, y, z), (a, b, c) = d, momentum
+        across = jnp.stack([b * z - c * y, c * x - a * z, a * y - b * x])
+    return d + (sin * across - versine * d)

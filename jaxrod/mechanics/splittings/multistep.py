@@ -4,8 +4,8 @@ import itertools
 from typing import ClassVar, NamedTuple
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from ...core.scalarize import Numbers
 from ...integrators.multistep import STARTER, SUBSTEPS, AbstractMultistep
 from ...integrators.splitting import AbstractStepped, Split
 from .uniform_strain import Flat
@@ -14,9 +14,9 @@ from .uniform_strain import Flat
 class Past(NamedTuple):
     """The newest position; differences of positions and accelerations, the newest first."""
 
-    q: Numbers
-    differences: tuple[Numbers, ...]
-    accelerations: tuple[Numbers, ...]
+    q: Float[Array, "D lanes"]
+    differences: tuple[Float[Array, "D lanes"], ...]
+    accelerations: tuple[Float[Array, "D lanes"], ...]
 
 
 class Remembered(AbstractStepped):
@@ -46,30 +46,30 @@ class Remembered(AbstractStepped):
                 y = self.flat.whole_step(STARTER, None, t + (k * SUBSTEPS + j) * back, back, y)
             positions.append(y.q)
             accelerations.append(self.flat.force(t - (k + 1) * h, y.q))
-        differences = tuple(here.moved(-1.0, before) for here, before in itertools.pairwise(positions))
+        differences = tuple(here - before for here, before in itertools.pairwise(positions))
         return Past(positions[0], differences, tuple(accelerations[:-1]))
 
     def closed(self, scheme: AbstractMultistep, table, t, h, y):
         """Position and velocity now."""
-        velocity = y.differences[0].like([d / h for d in y.differences[0]])
+        velocity = y.differences[0] / h
         for weight, acceleration in zip(scheme.velocity, y.accelerations, strict=True):
-            velocity = velocity.moved(weight * h, acceleration)
+            velocity = velocity + weight * h * acceleration
         return Split(y.q, velocity)
 
     def step(self, scheme: AbstractMultistep, table, t, h, y):
         weights, half, past = scheme.weights, scheme.past // 2, y.accelerations
-        push = past[half].like([weights[half] * a for a in past[half]])
+        push = weights[half] * past[half]
         for weight, newer, older in zip(weights[:half], past, reversed(past), strict=False):
-            push = push.moved(weight, newer.moved(1.0, older))
-        ahead = push.like([h * h * a for a in push])
+            push = push + weight * (newer + older)
+        ahead = h * h * push
         for weight, difference in zip(scheme.differences, y.differences, strict=True):
-            ahead = ahead.moved(float(weight), difference) if weight else ahead
-        q = y.q.moved(1.0, ahead)
+            ahead = ahead + float(weight) * difference if weight else ahead
+        q = y.q + ahead
         return Past(q, (ahead, *y.differences[:-1]), (self.flat.force(t + h, q), *y.accelerations[:-1]))
 
     def longest_step(self, scheme: AbstractMultistep, ts):
         del ts
-        return scheme.stable_phase / jnp.sqrt(self.flat.numbers[0].body.stiffness_matrix[0, 0])
+        return scheme.stable_phase / jnp.sqrt(self.flat.lean.body.stiffness_matrix[0, 0])
 
     def lowest_strain(self, phases):
         return self.flat.lowest_strain(phases)

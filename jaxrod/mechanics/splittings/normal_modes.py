@@ -1,7 +1,7 @@
 """Oscillators for the axial modes, whatever their number and stiffness."""
 
 import abc
-from typing import Any
+import functools
 
 import equinox as eqx
 import jax
@@ -10,11 +10,10 @@ from jaxtyping import Array, Float
 
 from ...core import precision
 from ...core.linear_algebra import eigh
-from ...core.scalarize import Numbers
-from ...integrators.splitting import AbstractSplit, Split, Stage
+from ...integrators.splitting import AbstractSplit, Split
 from ...motions.state import State
 from ...shapes.projection import Projection
-from .common import least, lowest, per_inertia
+from .common import lowest, per_inertia
 
 
 class AxialModes(eqx.Module):
@@ -73,34 +72,26 @@ class AxialModes(eqx.Module):
 class AbstractOscillating(AbstractSplit):
     """A split whose drift has the oscillators of the axial modes.
 
-    `numbers`: what flows need, number by number, the modes first; `field`: strain of each mode at the places watched.
+    `field`: strain of each mode at the places watched.
     """
 
     modes: eqx.AbstractVar[AxialModes]
-    numbers: eqx.AbstractVar[Any]
-    field: eqx.AbstractVar[Any]
+    field: eqx.AbstractVar[Float[Array, "n places"]]
 
     def table(self, scheme, h):
         """Versine and sine of each oscillator's angle in the drift of each stage, and in the first drift."""
         drifts = jnp.asarray([stage.drift for stage in scheme.stages], self.modes.rest.dtype)
-        circle = jax.lax.stop_gradient(jax.vmap(self._circle)(drifts * h))
+        circle = jax.lax.stop_gradient(jax.vmap(lambda drift: self._circle(drift * h))(drifts))
         return circle, jax.lax.stop_gradient(self._circle(scheme.drifts[0] * h))
 
     def _circle(self, t):
-        angles = [rate * t for rate in self.numbers[0].rates]
+        angles = self.modes.rates * t
         # By 1 - cos: the rounding of a cosine near one would swell or shrink the oscillation, alike in every step.
-        return [2 * jnp.sin(x / 2) ** 2 for x in angles], [jnp.sin(x) for x in angles]
+        return 2 * jnp.sin(angles / 2) ** 2, jnp.sin(angles)
 
     def _turned(self, circle, t):
         """A known circle of time t, as the function of the rates and of t that it is."""
-        angles = [rate * t for rate in self.numbers[0].rates]
-        return [_on_circle(v, s, angle) for v, s, angle in zip(*circle, angles, strict=True)]
-
-    def through(self, scheme, table, visit, carry, backwards=False):
-        # In a scan: XLA takes several times as long to compile stages written out, which are no faster.
-        stages = Stage(*(jnp.asarray(x, self.modes.rest.dtype) for x in zip(*scheme.stages, strict=True)))
-        rows = (stages, table[0])
-        return jax.lax.scan(lambda carry, row: (visit(carry, *row), None), carry, rows, reverse=backwards)[0]
+        return _on_circle(*circle, self.modes.rates * t)
 
     @abc.abstractmethod
     def _drift(self, circle, t, y: Split) -> Split:
@@ -114,20 +105,20 @@ class AbstractOscillating(AbstractSplit):
         del t
         return self.settled(self._drift(back(table[1]), -scheme.drifts[0] * h, y))
 
-    def _kicked(self, h, push: Numbers, y: Split) -> Split:
+    def _kicked(self, h, push: Float[Array, "n lanes"], y: Split) -> Split:
         """y after a force on each mode for a time h."""
-        periods = self.numbers[0].periods
-        kicked = [p + h * f * period for p, f, period in zip(y.strain_momentum, push, periods, strict=True)]
-        return y._replace(strain_momentum=y.strain.like(kicked))
+        return y._replace(strain_momentum=y.strain_momentum + h * push * self.modes.periods)
 
     def lowest_strain(self, phases):
-        return least(lowest(y.strain, self.field) if len(y.strain) else jnp.zeros_like(y.q[0]) for y in phases)
+        if not self.field.size:
+            return jnp.zeros_like(phases[0].q[0])
+        return functools.reduce(jnp.minimum, [lowest(y.strain, self.field) for y in phases])
 
 
 def back(circle):
     """The same angles backwards."""
     versine, sin = circle
-    return versine, [-x for x in sin]
+    return versine, -sin
 
 
 @jax.custom_jvp

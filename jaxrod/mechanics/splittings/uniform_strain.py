@@ -1,26 +1,28 @@
 """Uniform strain, where the kinetic energy is that of a mass point: a mass on a spring."""
 
 import dataclasses
-from typing import Any
+import functools
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from ...core.scalarize import Numbers, by_number, gathered, scattered
+from ...core.lanes import lanewise, summed
 from ...integrators.splitting import AbstractSplit, Split
 from ...motions.state import State
 from .. import energy
 from ..chart import Embedded
 from ..equations import DiscreteSystem, Moving
-from .common import Center, held, least, per_inertia, with_center, without_center
+from .common import Center, held, per_inertia, with_center, without_center
 
 
 class Flat(AbstractSplit):
     """Uniform strain in q = (1 + eps) d: a mass on a spring.  Drift: straight on.  Kick: the gradient of all of V."""
 
     scene: DiscreteSystem
-    numbers: Any  # (the scene per inertia, the scene if it has forces), number by number
+    lean: DiscreteSystem  # per inertia, without forces
+    loads: DiscreteSystem | None  # the scene, if it has forces
     center: Center | None
 
     def __init__(self, scene: DiscreteSystem, t0, start: State):
@@ -29,56 +31,47 @@ class Flat(AbstractSplit):
         rigidity = jnp.sum(body.rigidity, keepdims=True)
         lean = eqx.tree_at(lambda b: (b.strains, b.rigidity), body, (jnp.ones_like(rigidity)[None], rigidity))
         self.scene = held(scene, scene.body)
-        loads = self.scene if scene.forces else None
-        self.numbers = scattered((dataclasses.replace(self.scene, body=lean, forces=()), loads))
+        self.loads = self.scene if scene.forces else None
+        self.lean = dataclasses.replace(self.scene, body=lean, forces=())
 
     def encode(self, state):
         q, v = Embedded().encode(self.scene.motion, without_center(state))
-        return Split(scattered(q), scattered(v))
+        return Split(q, v)
 
     def decode(self, t, y, turns):
-        q, v = gathered((y.q, y.p))
-        return with_center(Embedded().decode(self.scene.motion, t, q, v, turns), self.center, t)
+        return with_center(Embedded().decode(self.scene.motion, t, y.q, y.p, turns), self.center, t)
 
     def table(self, scheme, h):
         return None
 
-    def through(self, scheme, table, visit, carry, backwards=False):
-        del table
-        # A program within the program, which the stages call with their numbers: traced once, and written out by XLA.
-        # Not backwards, where it takes half as long again.
-        visit = visit if backwards else jax.jit(visit)
-        for stage in reversed(scheme.stages) if backwards else scheme.stages:
-            carry = visit(carry, stage, None)
-        return carry
-
     def stage(self, stage, known, t, h, y):
         del known
-        v = y.p.moved(stage.kick * h, self.force(t + stage.passed * h, y.q))
-        return Split(y.q.moved(stage.drift * h, v), v)
+        v = y.p + stage.kick * h * self.force(t + stage.passed * h, y.q)
+        return Split(y.q + stage.drift * h * v, v)
 
     def undone(self, stage, known, t, h, y):
         del known
-        q = y.q.moved(-stage.drift * h, y.p)
-        return Split(q, y.p.moved(-stage.kick * h, self.force(t + stage.passed * h, q)))
+        q = y.q - stage.drift * h * y.p
+        return Split(q, y.p - stage.kick * h * self.force(t + stage.passed * h, q))
 
     def opened(self, scheme, table, t, h, y):
         del table, t
-        return Split(y.q.moved(scheme.drifts[0] * h, y.p), y.p)
+        return Split(y.q + scheme.drifts[0] * h * y.p, y.p)
 
     def closed(self, scheme, table, t, h, y):
         return self.opened(scheme, table, t, -h, y)
 
     def longest_step(self, scheme, ts):
         del ts
-        return scheme.stable_phase / jnp.sqrt(self.numbers[0].body.stiffness_matrix[0, 0])
+        return scheme.stable_phase / jnp.sqrt(self.lean.body.stiffness_matrix[0, 0])
 
-    def force(self, t, q: Numbers) -> Numbers:
+    def force(self, t, q: Float[Array, "D lanes"]) -> Float[Array, "D lanes"]:
         """All loads on q, per inertia: minus the gradient of V, and those without a potential."""
-        return by_number(_force)(*self.numbers, t, q)
+        return lanewise(_force)(self.lean, self.loads, t, q)
 
     def lowest_strain(self, phases):
-        return jnp.sqrt(least([sum(x * x for x in y.q) for y in phases])) - 1
+        squares = [summed(y.q * y.q) for y in phases]
+        return jnp.sqrt(functools.reduce(jnp.minimum, squares)) - 1
 
 
 def _force(scene: DiscreteSystem, loads: DiscreteSystem | None, t, q):

@@ -1,36 +1,34 @@
-"""The equations of motion uncut, number by number, as `Unrolled` steps them."""
+"""The equations of motion uncut, as `Unrolled` steps them."""
 
-from typing import Any
+import functools
 
 import jax.numpy as jnp
+from jaxtyping import Array, Float
 
-from ...core.scalarize import by_number, gathered, scattered
+from ...core.lanes import lanewise
 from ...integrators.splitting import AbstractStepped, Split
 from ..chart import Director, Embedded, Strains
 from ..equations import Condensed, DiscreteSystem, Moving, eigenvalues
 from ..system import System
-from .common import least, lowest, watched
+from .common import lowest, watched
 
 
 class Whole(AbstractStepped):
     """The equations of motion uncut, for `Unrolled`: q and v of a chart."""
 
     equations: Moving | Condensed
-    numbers: Any
-    field: Any
+    field: Float[Array, "n places"]
 
     def __init__(self, system: System, scene: DiscreteSystem):
         flat = Embedded() if system.flat else Director()
         self.equations = system.equations(Strains() if system.motion.prescribed else flat, scene)
-        self.numbers = scattered(self.equations)
-        self.field = scattered(watched(scene.body.strains))
+        self.field = watched(scene.body.strains)
 
     def encode(self, state):
-        q, v = self.equations.encode(0.0, state)
-        return Split(scattered(q), scattered(v))
+        return Split(*self.equations.encode(0.0, state))
 
     def decode(self, t, y, turns):
-        return self.equations.decode(t, gathered(y.q), gathered(y.p), turns)
+        return self.equations.decode(t, y.q, y.p, turns)
 
     def table(self, scheme, h):
         del scheme, h
@@ -43,7 +41,7 @@ class Whole(AbstractStepped):
         return _ahead(y, h, tableau.b_sol, rates)
 
     def _rate(self, t, y: Split) -> Split:
-        return Split(y.p, by_number(_acceleration)(self.numbers, t, y.q, y.p))
+        return Split(y.p, lanewise(_acceleration)(self.equations, t, y.q, y.p))
 
     def longest_step(self, scheme, ts):
         # Two steps a period at least: no explicit method follows a vibration that it does not see.
@@ -58,12 +56,12 @@ class Whole(AbstractStepped):
         return y.q[:size] if size else None
 
     def lowest_strain(self, phases):
-        return least(self._lowest(y) for y in phases)
+        return functools.reduce(jnp.minimum, [self._lowest(y) for y in phases])
 
     def _lowest(self, y: Split):
         size, n = self.equations.chart.size(self.equations.scene.motion), self.field.shape[0]
         if isinstance(self.equations.chart, Embedded):
-            return jnp.sqrt(sum(x * x for x in y.q[:size])) - 1
+            return jnp.sqrt(jnp.sum(y.q[:size] ** 2, axis=0)) - 1
         if n == 0 or isinstance(self.equations, Condensed):
             return jnp.zeros_like(y.q[0])
         return lowest(y.q[size : size + n], self.field)
@@ -77,5 +75,5 @@ def _ahead(y: Split, h, weights, rates: list[Split]) -> Split:
     q, p = y.q, y.p
     for weight, rate in zip(weights, rates, strict=False):
         if weight:
-            q, p = q.moved(float(weight) * h, rate.q), p.moved(float(weight) * h, rate.p)
+            q, p = q + float(weight) * h * rate.q, p + float(weight) * h * rate.p
     return Split(q, p)

@@ -1,0 +1,300 @@
+"""Scenes side by side in arrays whose last axis is the *lane*, one scene to each.  Knows no rods.
+
+A loop over time works on whole vectors where the lane is the last axis: `vmap` would put it first, and the numbers of a
+scene would lie strided in memory.  So a loop is written for lanes, `over_lanes` makes of it a function whose `vmap` adds
+lanes, and `lanewise` evaluates within it what is written for one scene, as energies and forces are.
+
+An array whose last axis is 1 is alike in all lanes.
+"""
+
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_batching import custom_vmap
+from jax.custom_derivatives import SymbolicZero
+from jax.extend import core
+from jaxtyping import Array
+
+_FEW = 3
+
+
+def spread(tree: Any) -> Any:
+    """A scene's arrays, in a lane of their own."""
+    return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)
+
+
+def alone(tree: Any) -> Any:
+    """The arrays of the only lane."""
+    return jax.tree.map(lambda x: x[..., 0], tree)
+
+
+def lanes_of(tree: Any) -> int:
+    """How many lanes there are."""
+    return max((x.shape[-1] for x in jax.tree.leaves(tree)), default=1)
+
+
+def widened(tree: Any, lanes: int) -> Any:
+    """The same arrays with a number of its own for each lane."""
+    return jax.tree.map(lambda x: jnp.broadcast_to(x, (*x.shape[:-1], lanes)), tree)
+
+
+def summed(x: Array, axes: Iterable[int] = (0,)) -> Array:
+    """The sum over some axes; of a few numbers written out, which XLA fuses with what comes before and after."""
+    axes = tuple(axes)
+    if len(axes) != 1 or x.shape[axes[0]] > _FEW:
+        return jnp.sum(x, axis=axes)
+    rows = jnp.moveaxis(x, axes[0], 0)
+    return functools.reduce(jnp.add, rows) if len(rows) else jnp.zeros(rows.shape[1:], x.dtype)
+
+
+def laned(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of laned arrays, to which a number a lane, (lanes,), counts for all rows of (n, lanes) as NumPy has it."""
+
+    @functools.wraps(function)
+    def evaluate(*args):
+        with jax.numpy_rank_promotion("allow"):
+            return function(*args)
+
+    return evaluate
+
+
+# ---- many scenes
+
+
+def over_lanes(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A function of pytrees of laned arrays, under whose `vmap` scenes become further lanes; it has forward derivatives.
+
+    `function` closes over nothing that is traced, and all that it returns has all lanes.
+
+    >>> import jax, jax.numpy as jnp
+    >>> from jaxrod.core.lanes import alone, over_lanes, spread
+    >>> total = over_lanes(lambda x: jnp.sum(x**2, axis=0))
+    >>> print(jax.vmap(lambda x: alone(total(spread(x))))(jnp.array([[3.0, 4.0], [6.0, 8.0]])))
+    [ 25. 100.]
+    """
+
+    shape: list[Any] = []
+
+    def evaluate(*args):
+        leaves, tree = jax.tree.flatten(args)
+
+        def flat(*leaves):
+            found, out = jax.tree.flatten(laned(function)(*jax.tree.unflatten(tree, leaves)))
+            shape[:] = [out]
+            return [found]
+
+        (found,) = _over_lanes(flat, [set(range(len(leaves)))])(*leaves)
+        return jax.tree.unflatten(shape[0], found)
+
+    return evaluate
+
+
+def _over_lanes(function: Callable[..., list[list[Array]]], needs: list[set[int]]) -> Callable[..., list[list[Array]]]:
+    """The same of arrays, that returns groups of them, each of which depends on those arguments that it `needs`.
+
+    So a run whose derivatives along several ways are asked for is itself alike for all of them.
+    """
+
+    @custom_vmap
+    def folded(*arrays):
+        return function(*arrays)
+
+    @folded.def_vmap
+    def _(size, batched, *arrays):
+        lanes = lanes_of(arrays)
+        groups = folded(*(_folded(x, many, size, lanes) for x, many in zip(arrays, batched, strict=True)))
+        moving = [any(batched[i] for i in need) for need in needs]
+
+        def unfolded(x, moves):
+            x = x.reshape(*x.shape[:-1], size, lanes)
+            return jnp.moveaxis(x, -2, 0) if moves else x[..., 0, :]
+
+        out = [[unfolded(x, moves) for x in group] for group, moves in zip(groups, moving, strict=True)]
+        return out, [[moves] * len(group) for group, moves in zip(groups, moving, strict=True)]
+
+    @jax.custom_jvp
+    def call(*arrays):
+        return folded(*arrays)
+
+    def along(arrays, tangents):
+        moved = [i for i, x in enumerate(tangents) if not isinstance(x, SymbolicZero)]
+
+        def both(*numbers):
+            at, by = list(numbers[: len(arrays)]), numbers[len(arrays) :]
+            pairs = [widened((at[i], x), lanes_of((at[i], x))) for i, x in zip(moved, by, strict=True)]
+            places, ways = [place for place, _ in pairs], [way for _, way in pairs]
+
+            def of_moved(*some):
+                known = dict(zip(moved, some, strict=True))
+                return function(*(known.get(i, x) for i, x in enumerate(at)))
+
+            out, rates = jax.jvp(of_moved, places, ways)
+            floats = [
+                [rate for x, rate in zip(*group, strict=True) if _is_float(x)] for group in zip(out, rates, strict=True)
+            ]
+            return widened([*out, *floats], lanes_of(numbers))
+
+        also = [need | {len(arrays) + k for k, i in enumerate(moved) if i in need} for need in needs]
+        found = _over_lanes(both, [*needs, *also])(*arrays, *(tangents[i] for i in moved))
+        out, left = found[: len(needs)], iter(jax.tree.leaves(found[len(needs) :]))
+        return out, [[next(left) if _is_float(x) else np.zeros(x.shape, jax.dtypes.float0) for x in g] for g in out]
+
+    call.defjvp(along, symbolic_zeros=True)
+    return call
+
+
+def _folded(x, many: bool, size: int, lanes: int) -> Array:
+    """The lanes of several scenes, (size, ..., lanes or 1), as (..., size * lanes); of what is alike in all (..., 1)."""
+    if not many and x.shape[-1] == 1:
+        return x
+    x = jnp.broadcast_to(jnp.moveaxis(x, 0, -2) if many else x[..., None, :], (*x.shape[many:-1], size, lanes))
+    return x.reshape(*x.shape[:-2], size * lanes)
+
+
+def _is_float(x) -> bool:
+    return jnp.issubdtype(x.dtype, jnp.inexact)
+
+
+# ---- what is written for one scene
+
+
+def lanewise(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The same function of pytrees of laned arrays, in every lane.
+
+    It walks the function's jaxpr.  Derivative rules of `custom_jvp` and `custom_vjp` within it are not kept: their bodies are
+    evaluated.
+
+    >>> import jax, jax.numpy as jnp
+    >>> from jaxrod.core.lanes import lanewise
+    >>> energy = lambda q: jnp.sqrt(q @ q)
+    >>> print(lanewise(jax.grad(energy))(jnp.array([[3.0, 6.0], [4.0, 8.0]])))
+    [[0.6 0.6]
+     [0.8 0.8]]
+    """
+
+    def evaluate(*args):
+        leaves, tree = jax.tree.flatten(args)
+        shapes = [jax.ShapeDtypeStruct(x.shape[:-1], x.dtype) for x in leaves]
+        # JAX keeps what it traced of one and the same function: the stages of a step trace their force once.
+        closed, out = jax.make_jaxpr(function, return_shape=True)(*jax.tree.unflatten(tree, shapes))
+        found = _evaluate(closed.jaxpr, [_known(x) for x in closed.consts], leaves)
+        return jax.tree.unflatten(jax.tree.structure(out), found)
+
+    return evaluate
+
+
+def _known(x) -> Array:
+    return jnp.asarray(x)[..., None]
+
+
+def _evaluate(jaxpr, consts: list[Array], args: list[Array]) -> list[Array]:
+    known = dict(zip([*jaxpr.constvars, *jaxpr.invars], [*consts, *args], strict=True))
+
+    def read(atom) -> Array:
+        return _known(atom.val) if isinstance(atom, core.Literal) else known[atom]
+
+    for eqn in jaxpr.eqns:
+        for var, x in zip(eqn.outvars, _operation(eqn, [read(x) for x in eqn.invars]), strict=True):
+            known[var] = x
+    return [read(x) for x in jaxpr.outvars]
+
+
+def _operation(eqn, laned: list[Array]) -> list[Array]:
+    name, params = eqn.primitive.name, eqn.params
+    if name in _INNER:
+        inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
+        inner = inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
+        return _evaluate(inner.jaxpr, [_known(c) for c in inner.consts], laned)
+    if name in _ON_LEADING_AXES:
+        return [_ON_LEADING_AXES[name](params, eqn.outvars[0].aval.shape, *laned)]
+    if name == "reduce_sum":
+        return [summed(laned[0], params["axes"])]
+    if name.startswith("reduce_") and len(laned) == 1:
+        return [eqn.primitive.bind(*laned, **params)]  # of axes before the last
+    if (
+        len(eqn.outvars) == 1
+        and all(x.shape[:-1] in ((), eqn.outvars[0].aval.shape) for x in laned)
+        and name in _ELEMENTWISE
+    ):
+        shape = jnp.broadcast_shapes(*(x.shape for x in laned))
+        return [eqn.primitive.bind(*(jnp.broadcast_to(x, shape) for x in laned), **params)]
+    return _mapped(eqn, laned)
+
+
+def _mapped(eqn, laned: list[Array]) -> list[Array]:
+    """Whatever else: by JAX."""
+
+    def alone(*arrays):
+        found = eqn.primitive.bind(*arrays, **eqn.params)
+        return list(found) if eqn.primitive.multiple_results else [found]
+
+    alike = [x.shape[-1] == 1 for x in laned]
+    arrays = [x[..., 0] if one else x for x, one in zip(laned, alike, strict=True)]
+    if all(alike):
+        return [x[..., None] for x in alone(*arrays)]
+    return jax.vmap(alone, in_axes=[None if one else -1 for one in alike], out_axes=-1)(*arrays)
+
+
+def _broadcast(params, shape, x):
+    size = [1] * len(shape)
+    for axis, extent in zip(params["broadcast_dimensions"], x.shape, strict=False):
+        size[axis] = extent
+    lanes = x.shape[-1]
+    return jnp.broadcast_to(x.reshape(*size, lanes), (*shape, lanes))
+
+
+def _dot(params, shape, left, right):
+    """By products and their sum: a call of a matrix product would end the one compiled loop."""
+    (sum_left, sum_right), (batch_left, batch_right) = params["dimension_numbers"]
+    rest_left = [a for a in range(left.ndim - 1) if a not in (*sum_left, *batch_left)]
+    rest_right = [a for a in range(right.ndim - 1) if a not in (*sum_right, *batch_right)]
+    a = left.transpose([*sum_left, *batch_left, *rest_left, left.ndim - 1])
+    b = right.transpose([*sum_right, *batch_right, *rest_right, right.ndim - 1])
+    count, batch = len(sum_left), len(batch_left)
+    a = a.reshape(*a.shape[:-1], *[1] * len(rest_right), a.shape[-1])
+    b = b.reshape(*b.shape[: count + batch], *[1] * len(rest_left), *b.shape[count + batch :])
+    found = summed(a * b, range(count))
+    return found.reshape(*shape, found.shape[-1])
+
+
+def _slice(params, shape, x):
+    del shape
+    strides = params["strides"] or [1] * (x.ndim - 1)
+    return x[tuple(map(slice, params["start_indices"], params["limit_indices"], strides))]
+
+
+def _joined(params, shape, *laned):
+    del shape
+    return jnp.concatenate(widened(laned, lanes_of(laned)), axis=params["dimension"])
+
+
+def _padded(params, shape, x, value):
+    del shape
+    lanes = lanes_of((x, value))
+    if value.shape[-1] > 1:
+        config = params["padding_config"]
+        return jax.vmap(lambda x, v: jax.lax.pad(x, v, config), in_axes=-1, out_axes=-1)(*widened((x, value), lanes))
+    return jax.lax.pad(x, value[0], (*params["padding_config"], (0, 0, 0)))
+
+
+_INNER = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint"}
+_ON_LEADING_AXES: dict[str, Callable[..., Array]] = {
+    "broadcast_in_dim": _broadcast,
+    "concatenate": _joined,
+    "dot_general": _dot,
+    "pad": _padded,
+    "reshape": lambda params, shape, x: x.reshape(*shape, x.shape[-1]),
+    "slice": _slice,
+    "squeeze": lambda params, shape, x: x.reshape(*shape, x.shape[-1]),
+    "transpose": lambda params, shape, x: x.transpose(*params["permutation"], x.ndim - 1),
+}
+_ELEMENTWISE = {
+    "abs", "acos", "add", "add_any", "and", "asin", "atan", "atan2", "cbrt", "ceil", "convert_element_type", "copy", "cos",
+    "cosh", "div", "eq", "erf", "exp", "exp2", "expm1", "floor", "ge", "gt", "integer_pow", "is_finite", "le", "log", "log1p",
+    "logistic", "lt", "max", "min", "mul", "ne", "neg", "not", "or", "pow", "rem", "rsqrt", "select_n", "sign", "sin", "sinh",
+    "sqrt", "square", "stop_gradient", "sub", "tan", "tanh", "xor",
+}  # fmt: skip
