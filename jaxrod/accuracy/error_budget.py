@@ -29,7 +29,7 @@ from ..motions.state import State
 from ..rods.rod import Rod
 from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
-from .ladder import on_rung, richer
+from .ladder import brought, first_shapes, richer
 from .quantity import AbstractQuantity
 
 _FLOOR = 1e-12  # no bound is below it
@@ -110,25 +110,27 @@ def budgets(
     quantities: list[AbstractQuantity], system: System, start: State, solution: Solution,
     run: Callable[..., Solution], own_times: Callable[[AbstractQuantity], Array | None],
 ) -> tuple[Budget, ...]:  # fmt: skip
-    """The error of each quantity of `solution`; they share the runs that tell it, but those that are saved at times of their own.
+    """The error of each quantity of `solution`; they share the runs that tell it, at all times that any of them looks at.
 
     `run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance;
-    `times=` are in place of those that `solution` saved.
+    `times=` are in place of those that `solution` saved.  `own_times` of a quantity: None where it looks at the saved ones.
     """
     for quantity in quantities:  # one that fails does so before the runs
         calling.rehearsed(quantity, solution)
-    shared = functools.cache(lambda: finer_runs(system, start, solution, run))
+    own = [own_times(quantity) for quantity in quantities]
+    looked = [times for times in own if times is not None]
+    if looked:
+        times = looked[0] if len(looked) == 1 else jnp.unique(jnp.concatenate(looked))
+        run = functools.partial(run, times=times)
 
-    def told(quantity):
-        times = own_times(quantity)
-        if times is None:
-            return budget_of(quantity, system, solution, shared)
-        own = functools.partial(run, times=times)
-        return budget_of(
-            quantity, system, solution, functools.cache(lambda: finer_runs(system, start, own(system, start), own))
-        )
+    @functools.cache
+    def shared():
+        return finer_runs(system, start, run(system, start) if looked else solution, run)
 
-    return tuple(told(quantity) for quantity in quantities)
+    return tuple(
+        budget_of(quantity, system, solution if times is None else None, shared)
+        for quantity, times in zip(quantities, own, strict=True)
+    )
 
 
 def finer_runs(system: System, start: State, solution: Solution, run: Callable[..., Solution]) -> FinerRuns:
@@ -137,7 +139,9 @@ def finer_runs(system: System, start: State, solution: Solution, run: Callable[.
     finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, NUDGE[name]))
     if not isinstance(system.rod, Rod):
         return FinerRuns(solution, finer, aside, None)
-    less, more = (run(*on_rung(system, start, richer(system)(n)), _TOLERANCE[name]) for n in _more_shapes(system))
+    few, many = _more_shapes(system)
+    rungs = [first_shapes(richer(system)(n), many) for n in (few, many)]  # one program for both
+    less, more = (run(*brought(system, start, basis, False, 0.0), _TOLERANCE[name]) for basis in rungs)
     return FinerRuns(solution, finer, aside, (less, more))
 
 
@@ -146,15 +150,18 @@ def _more_shapes(system: System) -> tuple[int, ...]:
     return tuple(max(least, system.basis.n + further) for least, further in _SHAPES)
 
 
-def budget_of(quantity: AbstractQuantity, system: System, solution: Solution, runs: Callable[[], FinerRuns]) -> Budget:
-    """The error of `quantity` of `solution`, or of the one that the `runs` are of; they are asked for where needed."""
+def budget_of(
+    quantity: AbstractQuantity, system: System, solution: Solution | None, runs: Callable[[], FinerRuns]
+) -> Budget:
+    """The error of `quantity` of `solution`, or (None) of the one that the `runs` are of; they are asked for where needed."""
+    if solution is None:
+        solution = runs().solution
     exact, limits = quantity.exact(system), _limits(system) if isinstance(system.rod, Rod) else None
     if exact is not None:
         value = quantity(solution)
         zero, rounding = jnp.zeros_like(value), 100 * jnp.finfo(value.dtype).eps * jnp.abs(value)
         parts, lost = (jnp.abs(value - exact), zero, rounding), jnp.asarray(False)
     else:
-        solution = runs().solution
         value = quantity(solution)
         parts, lost = _parts(quantity, system, value, runs())
     span, strain = jnp.asarray(quantity.span(system), value.dtype), _strain(system, solution)
@@ -163,14 +170,14 @@ def budget_of(quantity: AbstractQuantity, system: System, solution: Solution, ru
 
 def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
     """Errors of the model, of the steps and of rounding; and whether the run goes beyond its horizon."""
-    solution = runs.solution
+    solution = runs.solution  # as the run of `value`, and saved when the others are
 
     def asked(run):  # of a run that stopped: nothing
         return jnp.where(_ended(run, solution), quantity(run), jnp.nan)
 
     fine, value = asked(runs.finer), jnp.where(_ended(solution, runs.finer), value, jnp.nan)
     lost = parted(solution, runs.finer) | parted(solution, runs.aside)
-    moved = jnp.abs(asked(runs.aside) - value) / NUDGE[solution.ts.dtype.name]
+    moved = jnp.abs(asked(runs.aside) - quantity(solution)) / NUDGE[solution.ts.dtype.name]
     steps = jnp.sqrt(1.0 + solution.stats["num_steps"])
     rounding = jnp.finfo(value.dtype).eps * steps * (moved + jnp.abs(value))
     model = jnp.zeros_like(value)

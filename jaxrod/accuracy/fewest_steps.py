@@ -127,4 +127,5 @@ def _tried(question: Question, rung: Rung, solver: Any, dtype: str, steps: float
         setting = max(steps ** -solver.order(None), LEAST_TOLERANCE[dtype])
         solution = question.run(system, start, tolerance=setting)
     taken, off = float(solution.stats["num_steps"]), apart(question.answer(solution), rung.value)
-    return Way(rung, solver, dtype, int(taken), setting, off, cost_model.seconds(system, solver, taken))
+    cost = cost_model.seconds(dataclasses.replace(system, basis=rung.basis), solver, taken)
+    return Way(rung, solver, dtype, int(taken), setting, off, cost)

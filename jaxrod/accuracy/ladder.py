@@ -18,8 +18,10 @@ from ..rods.lumped import Lumped
 from ..rods.rod import Rod
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
 from ..shapes.load_basis import LoadRitz
+from ..shapes.padding import FirstShapes
 
 _ORDER = 24  # nodes for each panel
+_SIZES = (6, 12, 24)  # of arrays that several rungs share
 
 
 def richer(system: System) -> type[AbstractBasis]:
@@ -28,6 +30,18 @@ def richer(system: System) -> type[AbstractBasis]:
     check_system(system)
     along = all(isinstance(force, Torque | PivotFriction | KelvinVoigt | ShakenBase) for force in system.forces)
     return LoadRitz if along or ForceRitz(1).misfit(system.rod) else ForceRitz
+
+
+def padded(basis: AbstractBasis) -> AbstractBasis:
+    """The same rung of a family of many shapes in arrays of one of a few sizes; others as they are."""
+    if not isinstance(basis, LoadRitz | ForceRitz) or not 1 < basis.n <= _SIZES[-1]:
+        return basis
+    return first_shapes(basis, next(size for size in _SIZES if size >= basis.n))
+
+
+def first_shapes(basis: AbstractBasis, size: int) -> AbstractBasis:
+    """The same rung in arrays of `size` shapes."""
+    return FirstShapes(type(basis)(size), basis.n)
 
 
 def condensable(system: System) -> bool:
@@ -76,7 +90,9 @@ def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     rigidity = rod.modulus(panels.s) * rod.area(panels.s) * panels.ds
     here, there = (x.strains(rod, panels.s, pivot, free) for x in (system.basis, basis))
     weighted = there * rigidity[None, :]
-    return [solve_positive(weighted @ there.T, weighted @ (a @ here)) for a in amplitudes]
+    stiffness = weighted @ there.T
+    empty = jnp.diag(jnp.where(jnp.diagonal(stiffness) == 0, 1.0, 0.0).astype(stiffness.dtype))
+    return [solve_positive(stiffness + empty, weighted @ (a @ here)) for a in amplitudes]
 
 
 def at_rest(system: System, start: State, t0: Any = 0.0) -> State:

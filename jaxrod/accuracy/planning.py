@@ -31,7 +31,7 @@ from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
 from .error_budget import NUDGE, nudged, parted
 from .fewest_steps import Question, Rung, Way, ways_of
-from .ladder import brought, condensable, richer
+from .ladder import brought, condensable, padded, richer
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
 from .run_plan import Plan, named, step_rate
@@ -234,7 +234,7 @@ class _Search:
 
     def rung(self, basis: AbstractBasis) -> Rung:
         if named(basis) not in self.tried:
-            system, start = brought(self.system, self.start, basis, self.static, self.question.t0)
+            system, start = brought(self.system, self.start, padded(basis), self.static, self.question.t0)
             fine = self.question.run(system, start, tolerance=_FINE)
             self.tried[named(basis)] = Rung(basis, system, start, self.question.answer(fine), fine)
         return self.tried[named(basis)]

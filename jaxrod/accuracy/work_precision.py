@@ -21,7 +21,7 @@ from ..runs.defaults import by_equal_steps, solvers
 from ..runs.execution import solve
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
-from .ladder import brought, condensable, richer, rung
+from .ladder import brought, condensable, padded, richer, rung
 from .quantity import as_quantity
 from .reference import exact_answer
 from .run_plan import named
@@ -152,7 +152,7 @@ def tradeoff(
             break
         name = named(way.basis)
         if name not in own:
-            fine = solve(*brought(system, start, way.basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)
+            fine = solve(*brought(system, start, padded(way.basis), static, t0), t0=t0, ts=ts, tolerance=_FINE)
             own[name] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
         found = _measured(way, system, start, quantity, t0, ts, static, true)
         rows += [row._replace(error=max(row.error, own[name])) for row in found]
@@ -217,6 +217,7 @@ def _reference(system, start, quantity, t0, ts, static: bool):
         return exact.value, max(exact.apart, _KNOWN * float(np.max(np.abs(exact.value)))), "the exact rod"
     rungs = [richer(system)(n) for n in _BEST]
     poorer, best = (
-        quantity(solve(*brought(system, start, basis, static, t0), t0=t0, ts=ts, tolerance=_FINE)) for basis in rungs
+        quantity(solve(*brought(system, start, padded(basis), static, t0), t0=t0, ts=ts, tolerance=_FINE))
+        for basis in rungs
     )
     return best, float(jnp.max(jnp.abs(best - poorer))), named(rungs[-1])

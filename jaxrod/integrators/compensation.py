@@ -130,7 +130,7 @@ def _cut_off(a, b, total):
     return (a - (total - of_b)) + (b - of_b)
 
 
-def passed(before: Any, after: Any) -> Float[Array, ""]:
+def passed(before: Any, after: Any) -> Float[Array, "*lanes"]:
     """How often (+1, 0, -1) the angle of the first two coordinates passes +-pi on the straight way between them."""
     x0, y0, x1, y1 = before[0], before[1], after[0], after[1]
     area = x0 * y1 - x1 * y0  # its sign tells on which side of the origin the way passes

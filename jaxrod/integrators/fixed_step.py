@@ -251,8 +251,11 @@ def _there(perturbed, moving, solver, turns, route, check):
 
 def _and_back(walkers: Walker, gradient, perturbed, moving, solver, turns, route, check):
     """The gradients of `moving`."""
-    del turns, check
-    split, _, start, ends = moving
+    del check
+    split, y0, start, ends = moving
+    other, stepped = split.undoable(solver)
+    if stepped is not split:  # what cannot be undone is run again by what can
+        walkers, _ = _forwards((stepped, y0, start, ends), other, turns, route, None)
     asked, known = eqx.partition(split, jax.tree.map(bool, perturbed[0]))
     by_times = any(jax.tree.leaves(perturbed[2:]))
     arrays, rest = eqx.partition((asked, known, route), eqx.is_array)
@@ -273,12 +276,17 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
     derivative is taken where it began."""
     lanes = lanes_of(eqx.filter((walkers, y_bars, asked, known, route), eqx.is_array))
     asked, walkers, y_bars = widened((asked, walkers, y_bars), lanes)
-    split, dtype = eqx.combine(asked, known), route.ends.dtype
+    dtype = route.ends.dtype
+
+    def stepped(asked) -> AbstractSplit:
+        return eqx.combine(asked, known).undoable(solver)[1]
+
+    split, scheme = stepped(asked), eqx.combine(asked, known).undoable(solver)[0]
 
     def leg(carry, row):
         y_bar, asked_bar = carry
         walker, bar, begin, h, count = row
-        table = split.table(solver, h)
+        table = split.table(scheme, h)
         # A run that stopped has no derivative.
         defined = jnp.where((walker.stopped == 0) | (walker.stopped == CUT), 1.0, jnp.nan).astype(dtype)
         y_bar = jax.tree.map(lambda x, more: (x + more) * defined, y_bar, bar)
@@ -287,7 +295,7 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
             """`sums` and `y_bar` before `function` of (split, t, h, y), at the step k that begins at t."""
 
             def of_moved(asked, moment, y):
-                return function(eqx.combine(asked, known), *((t, h) if moment is None else moment), y)
+                return function(stepped(asked), *((t, h) if moment is None else moment), y)
 
             _, pull = jax.vjp(of_moved, asked, widened((t, h), lanes) if by_times else None, y)
             asked_bar, moment_bar, y_bar = pull(y_bar)
@@ -297,10 +305,10 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
             return jax.tree.map(jnp.add, sums, (asked_bar, moment_bar)), y_bar
 
         def open_(split: AbstractSplit, t, h, y):
-            return split.settled(split.opened(solver, table, t, h, y))
+            return split.settled(split.opened(scheme, table, t, h, y))
 
         def close(split: AbstractSplit, t, h, y):
-            return split.closed(solver, table, t, h, y)
+            return split.closed(scheme, table, t, h, y)
 
         def step(carry):
             k, y, y_bar, sums = carry
@@ -318,7 +326,7 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
                 return y, y_bar, sums
 
             before, on = (y, y_bar, sums), k < count if count.shape[-1] > 1 else True
-            after = split.through(solver, table, visit, before, backwards=True)
+            after = split.through(scheme, table, visit, before, backwards=True)
             return k, *jax.tree.map(lambda new, old: jnp.where(on, new, old), after, before)
 
         sums = (asked_bar, (jnp.zeros(lanes, dtype),) * 2 if by_times else None)

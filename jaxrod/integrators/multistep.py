@@ -25,8 +25,8 @@ class AbstractMultistep(eqx.Module):
     """A symmetric linear multistep method for q'' = f(t, q); explicit, as its first and last beta are zero.
 
     By equal steps alone: give `simulate` its `n_steps`; save times that are equally spaced cost little, others a new past
-    each.  Of a run that stops early nothing is kept but its code.  Forward derivatives take `adjoint=diffrax.ForwardMode()`;
-    for reverse ones take `BlanesMoan6()`.
+    each.  Of a run that stops early nothing is kept but its code.  Reverse derivatives are those of `BlanesMoan6` with as many
+    steps, which runs again and is undone; forward ones take `adjoint=diffrax.ForwardMode()`.
     """
 
     accuracy: ClassVar[int]  # its order

@@ -14,8 +14,8 @@ FORWARD = (
     "derivatives take both forward: jax.jacfwd(jax.jacfwd(f))"
 )
 BACKWARD = (
-    "a run has no reverse derivative of a reverse derivative, nor any by adjoint=diffrax.ForwardMode() or a multistep "
-    "solver; take the outer one forward, jax.jacfwd(jax.grad(f)) or jax.jacfwd(f), or solver=BlanesMoan6()"
+    "a run has no reverse derivative of a reverse derivative, nor any with adjoint=diffrax.ForwardMode(); take the outer one "
+    "forward: jax.jacfwd(jax.grad(f)), or jax.jacfwd(f)"
 )
 ONCE = (
     "a run has no reverse derivative of a reverse derivative; take the outer one forward, as jax.hessian does: "

@@ -92,6 +92,11 @@ class AbstractStepped(eqx.Module):
         y = self.step(scheme, table, t, h, self.opened(scheme, table, t, h, y))
         return self.closed(scheme, table, t + h, h, y)
 
+    def undoable(self, scheme) -> "tuple[Any, AbstractSplit]":
+        """A scheme, and the scene as it steps it, by which the reverse derivative goes back: itself, if its stages can be undone."""
+        assert isinstance(self, AbstractSplit)
+        return scheme, self
+
     def steps_at_once(self, scheme) -> int:
         """How many steps are written out one after the other, and stopped together."""
         del scheme

@@ -6,7 +6,6 @@ import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import optimistix as optx
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
@@ -14,6 +13,7 @@ from .. import continuum
 from ..core.linear_algebra import mappable
 from ..core.result import Result
 from ..integrators.compensation import Tracked, Tracking
+from ..integrators.event_time import EventTime
 from ..integrators.reversal import ONCE, forward_refused, reversible
 from ..integrators.symplectic import AbstractSymplectic, SplitTerm
 from ..mechanics.chart import AbstractChart
@@ -93,7 +93,7 @@ def integrate(
             scene, scales, coordinates.y0, t0, t1, controller, dt0, n_steps, ts is not None, *adapt
         ),
         adjoint=adjoint,
-        event=_events(event and _begun(event, system, scene, start, chart, t0, t1), coordinates, margin, t1.dtype),
+        event=_events(event and _begun(event, system, scene, start, chart, t0, t1), coordinates, margin),
         max_steps=max_steps,
         throw=False,
         progress_meter=progress_meter,
@@ -380,7 +380,7 @@ def _which(happened: PyTree[Bool[Array, ""]]) -> Int[Array, ""]:
     return jnp.where(jnp.any(found), jnp.argmax(found), -1)
 
 
-def _events(event: diffrax.Event | None, coordinates: _Coordinates, margin: _Margin | None, dtype) -> diffrax.Event:
+def _events(event: diffrax.Event | None, coordinates: _Coordinates, margin: _Margin | None) -> diffrax.Event:
     """What ends every run, as one number that falls through zero, beside the user's event."""
 
     def room(t, y, args, **_):
@@ -389,15 +389,14 @@ def _events(event: diffrax.Event | None, coordinates: _Coordinates, margin: _Mar
         return jnp.where(_finite(y), room, -1.0).astype(float)
 
     if event is None:
-        rounding = 64 * float(jnp.finfo(dtype).eps)
-        return diffrax.Event(room, optx.Bisection(rtol=rounding, atol=rounding, flip=True), direction=False)
+        return diffrax.Event(room, EventTime(), direction=False)
 
     def on_state(condition):
         return lambda t, y, args, **rest: condition(t, coordinates.decode(t, y), args, **rest)
 
     return diffrax.Event(
         {"margin": room, "user": jax.tree.map(on_state, event.cond_fn, is_leaf=callable)},
-        mappable(optx.Newton(rtol=1e-12, atol=1e-12) if event.root_finder is None else event.root_finder),
+        EventTime() if event.root_finder is None else mappable(event.root_finder),
         {"margin": False, "user": event.direction},
     )
 

@@ -17,7 +17,6 @@ from jaxtyping import Array, Bool, Float
 from ..core import precision, tracing, validation
 from ..core.result import Result
 from ..integrators.multistep import AbstractMultistep
-from ..integrators.reversal import reversible
 from ..integrators.runge_kutta import Unrolled
 from ..integrators.symplectic import AbstractSymplectic
 from ..mechanics.chart import AbstractChart
@@ -207,13 +206,10 @@ def _by_equal_steps(request: Request, policy: StepPolicy) -> Solution:
         even=ends.size == 1 or _even(t0, ends, times.clock),
         end_only=ts is None,
         max_steps=request.max_steps,
-        backwards=isinstance(solver, AbstractSymplectic) and not forwards,
+        backwards=by_equal_steps(solver) and not forwards,
         knots=request.knots,
         policy=policy,
     )
-    if isinstance(solver, AbstractMultistep) and not forwards:
-        why = f"solver={type(solver).__name__}() has no reverse derivative; take BlanesMoan6(), or adjoint=diffrax.ForwardMode()."
-        solution = dataclasses.replace(solution, states=reversible(solution.states, 0, why))
     return solution
 
 

@@ -127,7 +127,7 @@ def _loads(modes: AxialModes, gravity, loads: DiscreteSystem | None, t, d, eta):
     return moment, push
 
 
-def _rotated(d: Float[Array, "D lanes"], momentum: Float[Array, "1|3 lanes"], turning) -> Float[Array, "D lanes"]:
+def _rotated(d: Float[Array, "D lanes"], momentum: Float[Array, "M lanes"], turning) -> Float[Array, "D lanes"]:
     """The director turned about `momentum` by |momentum| turning."""
     square = summed(momentum * momentum) * (turning * turning)
     versine, sin = 0.0, 0.0

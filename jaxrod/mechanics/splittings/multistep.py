@@ -25,6 +25,9 @@ class Remembered(AbstractStepped):
     has_past: ClassVar = True
     flat: Flat
 
+    def undoable(self, scheme):
+        return STARTER, self.flat  # in as many steps, each of several stages: as exact where this method is stable
+
     def steps_at_once(self, scheme):
         return scheme.past  # after so many each part of the past is at its old place, and nothing was copied
 

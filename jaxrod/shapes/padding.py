@@ -1,0 +1,63 @@
+"""Several rungs of one family in arrays of one size: one compiled program serves them all."""
+
+import dataclasses
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..core.quadrature import Panels
+from ..rods.lumped import Lumped
+from ..rods.rod import Rod
+from .basis import AbstractBasis
+from .projection import Projection
+
+
+class FirstShapes(AbstractBasis):
+    """The first `kept` shapes of a `basis` that contains its smaller ones, in arrays of all n of them.
+
+    The others carry no load and are coupled with nothing: at rest they stay at rest.  They vibrate as fast as the stiffest that
+    is kept, so that no step is shorter for them.
+    """
+
+    basis: AbstractBasis
+    kept: Int[Array, ""]
+
+    def __init__(self, basis: AbstractBasis, kept: Any):
+        self.basis, self.kept = basis, jnp.asarray(kept)
+
+    @property
+    def n(self):
+        return self.basis.n
+
+    @property
+    def uniform(self):
+        return False
+
+    @property
+    def by_piece(self):
+        return self.basis.by_piece
+
+    def misfit(self, rod: Any):
+        return self.basis.misfit(rod)
+
+    def strains(self, rod: Rod, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
+        return jnp.where(self._known[:, None], self.basis.strains(rod, s, pivot, free), 0.0)
+
+    def nodal(self, rod: Rod, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
+        return jnp.where(self._known[:, None], self.basis.nodal(rod, panels, pivot, free), 0.0)
+
+    def project(self, rod: Rod | Lumped, pivot: Float[Array, ""] | None = None, free: bool = False) -> Projection:
+        body, known = super().project(rod, pivot, free), self._known
+        mass, stiffness = jnp.diagonal(body.strain_mass), jnp.diagonal(body.stiffness_matrix)
+        fastest = jax.lax.stop_gradient(jnp.max(jnp.where(known, stiffness / jnp.where(known, mass, 1.0), 0.0)))
+        # Of the mass that the root of the mass matrix has for shapes without any.
+        idle = jnp.where(known, 0.0, mass[0])
+        masses = body.mass_matrix + jnp.diag(jnp.concatenate([jnp.zeros(1, idle.dtype), idle]))
+        stiffnesses = body.stiffness_matrix + jnp.diag(jnp.where(known, 0.0, mass[0] * fastest - stiffness))
+        return dataclasses.replace(body, mass_matrix=masses, stiffness_matrix=stiffnesses)
+
+    @property
+    def _known(self):
+        return jnp.arange(self.n) < self.kept
