@@ -3,8 +3,8 @@
     python benchmarks/first_answer.py [--repeats 3]
 
 CPU seconds of the first call and of the second in the same process, without imports, over those of the first of a plain
-`diffrax.diffeqsolve`: Dopri8, the rod of Figure 2 with one strain, the accelerations by automatic differentiation of its Lagrangian
-in polar coordinates.  The least of several processes.  And whole processes with a warm cache, over `import diffrax`.  Writes the
+`diffrax.diffeqsolve`: Dopri8, the rod of Figure 2 with one strain, accelerations by automatic differentiation of its
+Lagrangian in polar coordinates.  The least of several processes.  And whole processes with a warm cache, over `import diffrax`.  Writes the
 part "first answer" of docs/performance.md.
 """
 
@@ -114,12 +114,9 @@ def first_calls(repeats: int) -> list[list[str]]:
 
 def whole_processes(repeats: int) -> list[list[str]]:
     """CPU s of processes with a warm cache, imports and all."""
-    run = SCENE + "print(run(jaxrod.Ritz(1)))"
-    codes = {
-        "import diffrax": "import diffrax",
-        "simulate, Ritz(1)": run,
-        "simulate, LoadRitz(3)": SCENE + "run(jaxrod.LoadRitz(3))",
-    }
+    bases = ("Ritz(1)", "LoadRitz(3)")
+    codes = {"import diffrax": "import diffrax"}
+    codes |= {f"simulate, {basis}": f"{SCENE}run(jaxrod.{basis})" for basis in bases}
     spent: dict[str, list[float]] = {name: [] for name in codes}
     with tempfile.TemporaryDirectory() as cache:
         for lap in range(repeats + 1):
@@ -143,8 +140,8 @@ def main() -> None:
     text = [
         "## First answer",
         "",
-        "`python benchmarks/first_answer.py`: each call in a process of its own with an empty cache, imports apart; and again in the "
-        f"same process. The least of {repeats} processes.",
+        "`python benchmarks/first_answer.py`: each call in a process of its own with an empty cache, imports apart; and again in "
+        f"the same process. The least of {repeats} processes.",
         "",
         report.table(head, first_calls(repeats)),
         "",

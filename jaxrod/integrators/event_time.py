@@ -48,4 +48,4 @@ class EventTime(optx.AbstractRootFinder):
 
 def _fallen(fn: Any, t, args) -> Float[Array, ""]:
     """The condition that happened: Diffrax has the others as zeros."""
-    return sum(jax.tree.leaves(fn(t, args)[0]))
+    return sum(jax.tree.leaves(fn(t, args)[0]), jnp.zeros_like(t))

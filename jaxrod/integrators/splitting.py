@@ -93,7 +93,7 @@ class AbstractStepped(eqx.Module):
         return self.closed(scheme, table, t + h, h, y)
 
     def undoable(self, scheme) -> "tuple[Any, AbstractSplit]":
-        """A scheme, and the scene as it steps it, by which the reverse derivative goes back: itself, if its stages can be undone."""
+        """Scheme and scene by which the reverse derivative goes back: these, if their stages can be undone."""
         assert isinstance(self, AbstractSplit)
         return scheme, self
 

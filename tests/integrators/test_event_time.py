@@ -19,6 +19,7 @@ def test_time_and_its_derivative(size, direction):
         event = diffrax.Event(events, EventTime(), direction)
         term = diffrax.ODETerm(lambda t, y, args: 2.0 * jnp.ones_like(y))
         run = diffrax.diffeqsolve(term, diffrax.Tsit5(), 0.0, 1.0, 0.17, jnp.asarray(0.0), event=event, throw=False)
+        assert run.ts is not None
         return run.ts[-1], run.result == diffrax.RESULTS.event_occurred
 
     found, happened = time(0.3)
