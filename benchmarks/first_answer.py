@@ -4,8 +4,8 @@
 
 CPU seconds of the first call and of the second in the same process, without imports, over those of the first of a plain
 `diffrax.diffeqsolve`: Dopri8, the rod of Figure 2 with one strain, accelerations by automatic differentiation of its
-Lagrangian in polar coordinates.  The least of several processes.  And whole processes with a warm cache, over `import diffrax`.  Writes the
-part "first answer" of docs/performance.md.
+Lagrangian in polar coordinates.  The least of several processes.  And whole processes with a warm cache, over `import
+diffrax`.  Writes the part "first answer" of docs/performance.md.
 """
 
 import argparse

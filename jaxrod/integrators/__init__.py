@@ -15,8 +15,8 @@ How a run by equal steps is made, from the outside in:
   (`adjoint=diffrax.ForwardMode()`) go through the loop.  `reversal` refuses others in a sentence.
 
 Steps that adapt, and whatever else Diffrax does (events, `SaveAt`, meters), go through `diffrax.diffeqsolve`: `symplectic`
-solvers are Diffrax's too, and `compensation` is one that keeps full turns and the digits that rounding cuts off.  `event_time` finds
-when an event happens.
+solvers are Diffrax's too, and `compensation` is one that keeps full turns and the digits that rounding cuts off.
+`event_time` finds when an event happens.
 
 A new splitting method is a list of coefficients in `symplectic`; it composes with each splitting of `mechanics`, or `runs`
 refuses it in a sentence.
