@@ -17,12 +17,12 @@ import jax.numpy as jnp  # noqa: E402
 import report  # noqa: E402
 
 from jaxrod.core.lanes import alone, lanes_of, over_lanes, spread, widened  # noqa: E402
-from jaxrod.mechanics.splittings.uniform_strain import Flat  # noqa: E402
+from jaxrod.mechanics.splittings.uniform_strain import UniformStrainSplitting  # noqa: E402
 
 STEPS, LANES = 2200, 64
 
 
-class ByHand(Flat):
+class ByHand(UniformStrainSplitting):
     """The flat split with its force written out."""
 
     def force(self, t, q):
@@ -49,15 +49,15 @@ def main() -> None:
             def loop(arrays):
                 split, y = eqx.combine(arrays, rest)
                 h = jnp.full(1, 10.0 / STEPS)
-                y = widened(split.opened(solver, None, 0.0 * h, h, y), lanes_of(arrays))
+                y = widened(split.enter(solver, None, 0.0 * h, h, y), lanes_of(arrays))
                 y = jax.lax.fori_loop(0, STEPS, lambda k, y: split.step(solver, None, k * h, h, y), y)
-                return split.closed(solver, None, 10.0 + 0 * h, h, y).q
+                return split.leave(solver, None, 10.0 + 0 * h, h, y).q
 
             return alone(over_lanes(loop)(spread(arrays)))
 
         return tips
 
-    kinds = {"autodiff of the energies": run(Flat), "written by hand": run(ByHand)}
+    kinds = {"autodiff of the energies": run(UniformStrainSplitting), "written by hand": run(ByHand)}
     found = [kind(rates) for kind in kinds.values()]
     assert jnp.max(jnp.abs(found[0] - found[1])) < 1e-9, "not the same motion"
     times = report.paired({name: lambda k=kind: jax.block_until_ready(k(rates)) for name, kind in kinds.items()}, 31)

@@ -3,7 +3,8 @@
 - Numbers that users give: `validation` (one sentence of refusal each), `units`, `calling` (functions of theirs).
 - Numbers that JAX traces: `tracing` (what is known of them), `precision` (their float type).
 - Mathematics: `quadrature` on panels, `linear_algebra` with derivatives of any order, one matrix after another.
-- Programs: `lanes` has many scenes side by side in the last axis of every array, for loops over time.
+- Programs: `lanes` has many scenes side by side in the last axis of every array, for loops over time; `each_lane`, what is
+  written for one of them.
 - `result`: how a run ended.
 
 Composes with everything; imports `configuration` alone.

@@ -4,8 +4,8 @@ How a run by equal steps is made, from the outside in:
 
 - `fixed_step.march` goes from save time to save time: opens a phase, takes so many steps, closes it, saves it.  Two ways from
   one start, a run and its comparison with fewer steps, are two passes of one loop.
-- A *stepped scene* (`splitting.AbstractStepped`) turns a state into a phase and back, and takes a step.  One that is cut into
-  flows (`AbstractSplit`) says what a stage does, and undoes one; its steps are scans over the stages of a scheme.
+- A *stepped scene* (`splitting.AbstractStepper`) turns a state into a phase and back, and takes a step.  One that is cut into
+  flows (`AbstractSplitting`) says what a stage does, and undoes one; its steps are scans over the stages of a scheme.
 - A *scheme* is a list of coefficients: `symplectic`, compositions of drift and kick; `multistep`, one force a step, as they keep
   the positions of steps before; `runge_kutta`, for forces that depend on rates.
 - All arrays within the loop have the lanes, scenes side by side, as their last axis (`core.lanes`): under `vmap` scenes become

@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 from ..core.lanes import alone, lanes_of, over_lanes, spread, summed, widened
 from .compensation import passed
 from .reversal import ONCE, reversible
-from .splitting import AbstractSplit, AbstractStepped, Split
+from .splitting import AbstractSplitting, AbstractStepper, PhasePoint
 
 COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
@@ -29,7 +29,7 @@ class Walker(NamedTuple):
     """A run on its way: phase, full turns made, why it stopped (0: it did not), the time it reached, and the least strain
     on the way."""
 
-    y: Split
+    y: PhasePoint
     turns: Float[Array, ""]
     stopped: Int[Array, ""]
     t: Float[Array, ""]
@@ -68,7 +68,7 @@ class Route(eqx.Module):
 
 
 def march(
-    solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, check: Route | None, backwards: bool
+    solver: Any, split: AbstractStepper, y0: PhasePoint, turns, route: Route, check: Route | None, backwards: bool
 ) -> tuple[Walker, Walker | None]:
     """The walkers at each of `route.ends`, stacked, and those of `check`, another way from the same start with no more ends.
 
@@ -94,7 +94,7 @@ def _forwards(moving, solver: Any, turns, route: Route, check: Route | None) -> 
     return over_lanes(lambda arrays: _march(solver, *eqx.combine(arrays, rest)))(spread(arrays))
 
 
-def _march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, check: Route | None):
+def _march(solver: Any, split: AbstractStepper, y0: PhasePoint, turns, route: Route, check: Route | None):
     """Laned: both ways as passes of one loop, whose program is the larger part of what is to be compiled."""
     lanes, count = lanes_of(eqx.filter((split, y0, turns, route, check), eqx.is_array)), route.ends.shape[0]
     none = jnp.zeros(lanes, route.ends.dtype)
@@ -119,7 +119,7 @@ def _march(solver: Any, split: AbstractStepped, y0: Split, turns, route: Route, 
 
 
 def _pass(
-    solver: Any, split: AbstractStepped, start: Walker, legs, size: int, blocks, even
+    solver: Any, split: AbstractStepper, start: Walker, legs, size: int, blocks, even
 ) -> Float[Array, "E numbers lanes"]:
     """What was passed at the end of each leg, in rows: of several arrays that a loop writes XLA may copy each as a whole for
     every row, and likewise of a single one that is long; so blocks of legs."""
@@ -127,7 +127,7 @@ def _pass(
     known = None if even is False else split.table(solver, first)
     # Between steps of one size a past is kept; to make a new one takes longer than the steps of a leg.
     kept_open = split.has_past and even is True
-    walker = start._replace(y=split.opened(solver, known, start.t, first, start.y)) if kept_open else start
+    walker = start._replace(y=split.enter(solver, known, start.t, first, start.y)) if kept_open else start
 
     def leg(walker, row):
         begin, h, count, taken = row
@@ -136,9 +136,9 @@ def _pass(
         else:
             table = jax.lax.cond(even, lambda h: known, lambda h: split.table(solver, h), h)
         if not kept_open:
-            walker = _moved(split, walker, split.opened(solver, table, begin, h, walker.y))
+            walker = _moved(split, walker, split.enter(solver, table, begin, h, walker.y))
         walker = seen = _stepped(split, solver, table, begin, h, walker, taken)
-        closed = split.closed(solver, table, walker.t if kept_open else begin + taken * h, h, walker.y)
+        closed = split.leave(solver, table, walker.t if kept_open else begin + taken * h, h, walker.y)
         if kept_open:
             seen = walker._replace(y=closed)
         else:
@@ -171,7 +171,7 @@ def _unpacked(rows: Float[Array, "T numbers lanes"], like: Walker) -> Walker:
     return jax.tree.unflatten(structure, shaped)
 
 
-def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: Walker, count) -> Walker:
+def _stepped(split: AbstractStepper, solver: Any, table: Any, begin, h, walker: Walker, count) -> Walker:
     """The walker after `count` steps, its phase opened for them before and after."""
 
     def body(size: int, carry):
@@ -206,7 +206,7 @@ def _stepped(split: AbstractStepped, solver: Any, table: Any, begin, h, walker: 
     return walker._replace(t=jnp.where(walker.stopped == 0, end, walker.t))
 
 
-def _moved(split: AbstractStepped, walker: Walker, y) -> Walker:
+def _moved(split: AbstractStepper, walker: Walker, y) -> Walker:
     """The walker at y, which may be on the other side of where turns are counted."""
     before, after = split.heading(walker.y), split.heading(y)
     return walker._replace(y=y, turns=walker.turns if after is None else walker.turns + passed(before, after))
@@ -221,7 +221,7 @@ def _strayed(before, after) -> Int[Array, " lanes"]:
     return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, COLLAPSED, COARSE))
 
 
-def _watched(split: AbstractStepped, phases: list, walker: Walker, t) -> Walker:
+def _watched(split: AbstractStepper, phases: list, walker: Walker, t) -> Walker:
     """The walker with the reason why it stops at one of `phases`, if it does.  What it does after that means nothing."""
     lowest = split.lowest_strain(phases)
     why = jnp.where(lowest > _LEAST_STRAIN, 0, COLLAPSED)
@@ -271,14 +271,14 @@ def _and_back(walkers: Walker, gradient, perturbed, moving, solver, turns, route
     return jax.tree.map(lambda _, x: x, asked, split_bar), y_bar, *((None, None) if times_bar is None else times_bar)
 
 
-def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Walker, y_bars: Split):
+def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Walker, y_bars: PhasePoint):
     """Laned: the gradients of the split as far as `asked`, of y0, and of the times if asked; each stage is undone, then its
     derivative is taken where it began."""
     lanes = lanes_of(eqx.filter((walkers, y_bars, asked, known, route), eqx.is_array))
     asked, walkers, y_bars = widened((asked, walkers, y_bars), lanes)
     dtype = route.ends.dtype
 
-    def stepped(asked) -> AbstractSplit:
+    def stepped(asked) -> AbstractSplitting:
         return eqx.combine(asked, known).undoable(solver)[1]
 
     split, scheme = stepped(asked), eqx.combine(asked, known).undoable(solver)[0]
@@ -304,11 +304,11 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
                 moment_bar = (t_bar, h_bar + k * t_bar)
             return jax.tree.map(jnp.add, sums, (asked_bar, moment_bar)), y_bar
 
-        def open_(split: AbstractSplit, t, h, y):
-            return split.settled(split.opened(scheme, table, t, h, y))
+        def open_(split: AbstractSplitting, t, h, y):
+            return split.normalized(split.enter(scheme, table, t, h, y))
 
-        def close(split: AbstractSplit, t, h, y):
-            return split.closed(scheme, table, t, h, y)
+        def close(split: AbstractSplitting, t, h, y):
+            return split.leave(scheme, table, t, h, y)
 
         def step(carry):
             k, y, y_bar, sums = carry
@@ -317,16 +317,16 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
 
             def visit(carry, stage, row):
                 y, y_bar, sums = carry
-                y = split.undone(stage, row, t, h, y)
+                y = split.inverse_stage(stage, row, t, h, y)
 
-                def ahead(split: AbstractSplit, t, h, y):
-                    return split.settled(split.stage(stage, row, t, h, y))
+                def ahead(split: AbstractSplitting, t, h, y):
+                    return split.normalized(split.stage(stage, row, t, h, y))
 
                 sums, y_bar = pulled(ahead, sums, t, k, y, y_bar)
                 return y, y_bar, sums
 
             before, on = (y, y_bar, sums), k < count if count.shape[-1] > 1 else True
-            after = split.through(scheme, table, visit, before, backwards=True)
+            after = split.scan_stages(scheme, table, visit, before, backwards=True)
             return k, *jax.tree.map(lambda new, old: jnp.where(on, new, old), after, before)
 
         sums = (asked_bar, (jnp.zeros(lanes, dtype),) * 2 if by_times else None)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 
-class Split(NamedTuple):
+class PhasePoint(NamedTuple):
     """What moves: q and its momentum p; where q is the director alone the strain and its momentum.
 
     `turning`: int 1/J dt by which the director is behind.
@@ -45,17 +45,17 @@ class Stage(NamedTuple):
         return self.before + self.after
 
 
-class AbstractStepped(eqx.Module):
+class AbstractStepper(eqx.Module):
     """A scene that goes by equal steps."""
 
     has_past: ClassVar[bool] = False  # whether its phase remembers, while it is opened, where it was steps before
 
     @abc.abstractmethod
-    def encode(self, state: Any) -> Split:
+    def encode(self, state: Any) -> PhasePoint:
         """The numbers of a state."""
 
     @abc.abstractmethod
-    def decode(self, t, y: Split, turns) -> Any:
+    def decode(self, t, y: PhasePoint, turns) -> Any:
         """The state at time t."""
 
     @abc.abstractmethod
@@ -67,15 +67,15 @@ class AbstractStepped(eqx.Module):
 
     @abc.abstractmethod
     def step(self, scheme, table, t, h, y: Any) -> Any:
-        """One step from time t, between phases as `opened` makes them."""
+        """One step from time t, between phases as `enter` makes them."""
 
-    def opened(self, scheme, table, t, h, y: Split) -> Any:
+    def enter(self, scheme, table, t, h, y: PhasePoint) -> Any:
         """The phase that steps of size h begin with at time t."""
         del scheme, table, t, h
         return y
 
-    def closed(self, scheme, table, t, h, y: Any) -> Split:
-        """Undoes `opened`."""
+    def leave(self, scheme, table, t, h, y: Any) -> PhasePoint:
+        """Undoes `enter`."""
         del scheme, table, t, h
         return y
 
@@ -87,14 +87,14 @@ class AbstractStepped(eqx.Module):
         del scheme, ts
         return jnp.inf
 
-    def whole_step(self, scheme, table, t, h, y: Split) -> Split:
+    def whole_step(self, scheme, table, t, h, y: PhasePoint) -> PhasePoint:
         """A step from y to y."""
-        y = self.step(scheme, table, t, h, self.opened(scheme, table, t, h, y))
-        return self.closed(scheme, table, t + h, h, y)
+        y = self.step(scheme, table, t, h, self.enter(scheme, table, t, h, y))
+        return self.leave(scheme, table, t + h, h, y)
 
-    def undoable(self, scheme) -> "tuple[Any, AbstractSplit]":
+    def undoable(self, scheme) -> "tuple[Any, AbstractSplitting]":
         """Scheme and scene by which the reverse derivative goes back: these, if their stages can be undone."""
-        assert isinstance(self, AbstractSplit)
+        assert isinstance(self, AbstractSplitting)
         return scheme, self
 
     def steps_at_once(self, scheme) -> int:
@@ -111,22 +111,22 @@ class AbstractStepped(eqx.Module):
         """The least strain along the rod in any of them."""
 
 
-class AbstractSplit(AbstractStepped):
+class AbstractSplitting(AbstractStepper):
     """A scene as drift and kick: its steps are stages that can be undone one by one."""
 
     @abc.abstractmethod
-    def stage(self, stage: Stage, known, t, h, y: Split) -> Split:
+    def stage(self, stage: Stage, known, t, h, y: PhasePoint) -> PhasePoint:
         """A kick and the drift to the next one, in a step of size h from time t; `known` is the table's row."""
 
     @abc.abstractmethod
-    def undone(self, stage: Stage, known, t, h, y: Split) -> Split:
+    def inverse_stage(self, stage: Stage, known, t, h, y: PhasePoint) -> PhasePoint:
         """The settled y before that stage."""
 
-    def settled(self, y: Split) -> Split:
+    def normalized(self, y: PhasePoint) -> PhasePoint:
         """The same phase, in its one form that leaves nothing to be done."""
         return y
 
-    def through(self, scheme, table, visit: Callable, carry, backwards: bool = False) -> Any:
+    def scan_stages(self, scheme, table, visit: Callable, carry, backwards: bool = False) -> Any:
         """The carry after `visit(carry, stage, known)` at each stage of a step.
 
         In a scan: XLA takes several times as long to compile stages written out, which are no faster.
@@ -140,4 +140,4 @@ class AbstractSplit(AbstractStepped):
         def ahead(y, stage, known):
             return self.stage(stage, known, t, h, y)
 
-        return self.through(scheme, table, ahead, y)
+        return self.scan_stages(scheme, table, ahead, y)

@@ -13,13 +13,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.lanes import alone, laned, spread
-from .splitting import AbstractSplit, Stage
+from .splitting import AbstractSplitting, Stage
 
 
 class SplitTerm(diffrax.AbstractTerm):
     """The term that carries a split to its solver.  As a vector field it is the rate of change along all flows."""
 
-    split: AbstractSplit
+    split: AbstractSplitting
 
     def vf(self, t, y, args):
         del args
@@ -106,7 +106,7 @@ class AbstractSymplectic(diffrax.AbstractSolver):
         return terms.vf(t0, y0, args)
 
 
-def single_step(solver: AbstractSymplectic, split: AbstractSplit, t, h, y):
+def single_step(solver: AbstractSymplectic, split: AbstractSplitting, t, h, y):
     """A step of one scene, from y to y."""
 
     @laned
@@ -183,9 +183,9 @@ class BlanesMoan6(AbstractSymplectic):
 class ABA864(AbstractSymplectic):
     """Seven kicks, for splits whose kicks are small: orders 8, 6, 4 in their first, second and higher powers.
 
-    The one for stiff rods, uniform strain or not: it splits them as `Axial`, and its steps may be longer than an axial
-    period.  Blanes, Casas, Farres, Laskar, Makazaga, Murua (2013), Appl. Numer. Math. 68, 58: ABA864.  Its steps are counted
-    by `tolerance`, which resolves each axial period, or given:
+    The one for stiff rods, uniform strain or not: it splits them as `FreeRotationSplitting`, and its steps may be longer than
+    an axial period.  Blanes, Casas, Farres, Laskar, Makazaga, Murua (2013), Appl. Numer. Math. 68, 58: ABA864.  Its steps are
+    counted by `tolerance`, which resolves each axial period, or given:
 
     >>> import jaxrod
     >>> rod = jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.025), young=2e11, density=7800.0)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import precision, units, validation
 from ..core.units import Number, Row
-from ..integrators.splitting import AbstractSplit
+from ..integrators.splitting import AbstractSplitting
 from ..motions.force import AbstractForce
 from ..motions.motion import AbstractMotion
 from ..motions.signal import signals
@@ -25,9 +25,9 @@ from .compatibility import check_parts
 from .equations import Condensed, DiscreteSystem, Moving
 from .initial_state import started
 from .lagrangian import Lagrangian
-from .splittings.driven_rotation import Prescribed
-from .splittings.free_rotation import Axial
-from .splittings.uniform_strain import Flat
+from .splittings.driven_rotation import DrivenRotationSplitting
+from .splittings.free_rotation import FreeRotationSplitting
+from .splittings.uniform_strain import UniformStrainSplitting
 
 
 class System(eqx.Module):
@@ -289,10 +289,11 @@ class System(eqx.Module):
 
     def split(
         self, start: State, t0: Any = 0.0, small_kicks: bool = False, scene: DiscreteSystem | None = None
-    ) -> AbstractSplit:
+    ) -> AbstractSplitting:
         """The flows that symplectic solvers compose, for a run from `start`; `scene` as of `equations`.
 
-        `Flat` where the strain is uniform, `Prescribed` where the rotation is driven, else, or for `small_kicks`, `Axial`.
+        `UniformStrainSplitting` where the strain is uniform, `DrivenRotationSplitting` where the rotation is driven, else, or
+        for `small_kicks`, `FreeRotationSplitting`.
 
         **Raises:** `ValueError` where `unsplit` is not empty.
         """
@@ -300,12 +301,14 @@ class System(eqx.Module):
         if why := self._why_not_split(lambda: scene):
             raise ValueError(f"a symplectic solver cannot step this scene: {why}; take solver=diffrax.Dopri8().")
         if self.motion.prescribed:
-            return Prescribed(scene, t0, start)
-        return (Flat if self.splits_flat and not small_kicks else Axial)(scene, t0, start)
+            return DrivenRotationSplitting(scene, t0, start)
+        return (UniformStrainSplitting if self.splits_flat and not small_kicks else FreeRotationSplitting)(
+            scene, t0, start
+        )
 
     @property
     def splits_flat(self) -> bool:
-        """Whether `split` is `Flat`: the strain is uniform, and 1 + eps would not cost float32 its digits."""
+        """Whether `split` is `UniformStrainSplitting`: the strain is uniform, and 1 + eps would not cost float32 its digits."""
         hooke = isinstance(self.rod, Lumped) or self.rod.linear
         return self.flat and not (hooke and precision.float_type(self) == jnp.float32)
 

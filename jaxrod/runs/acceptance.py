@@ -8,7 +8,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core.linear_algebra import eigvalsh
 from ..integrators.fixed_step import Route, Walker
-from ..integrators.splitting import AbstractStepped
+from ..integrators.splitting import AbstractStepper
 from ..mechanics.energy import gravity_pivoted, kinetic_director
 from ..mechanics.equations import DiscreteSystem
 from ..motions.state import State
@@ -82,7 +82,7 @@ class Comparison(eqx.Module):
         return Comparison(route, halts, looked, whole, tuple(seen.tolist()))
 
     def off(
-        self, scene: DiscreteSystem, split: AbstractStepped, ts: Float[Array, " T"], states: State, walkers: Walker
+        self, scene: DiscreteSystem, split: AbstractStepper, ts: Float[Array, " T"], states: State, walkers: Walker
     ) -> Float[Array, " K"]:
         """By how much the tip is elsewhere, over the furthest it was out, at least the length."""
         other, seen = self.halts.at_saves(walkers), np.array(self.seen)

@@ -14,12 +14,12 @@ from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Ro
 from ..integrators.multistep import AbstractMultistep
 from ..integrators.reversal import forward_refused
 from ..integrators.runge_kutta import Unrolled
-from ..integrators.splitting import AbstractStepped
+from ..integrators.splitting import AbstractStepper
 from ..integrators.symplectic import ABA864, AbstractSymplectic
 from ..mechanics.equations import DiscreteSystem
-from ..mechanics.splittings.multistep import Remembered
-from ..mechanics.splittings.uniform_strain import Flat
-from ..mechanics.splittings.unsplit import Whole
+from ..mechanics.splittings.multistep import MultistepStepper
+from ..mechanics.splittings.uniform_strain import UniformStrainSplitting
+from ..mechanics.splittings.unsplit import UnsplitStepper
 from ..mechanics.system import System
 from ..motions.preview import Preview
 from ..motions.state import State
@@ -160,14 +160,14 @@ def _runnable(system: System, start: State, t0, ts) -> tuple[System, DiscreteSys
     return system, scene, start, ts, valid & sound & valid_times
 
 
-def _stepped(system: System, scene: DiscreteSystem, start: State, t0, solver: Any) -> AbstractStepped:
+def _stepped(system: System, scene: DiscreteSystem, start: State, t0, solver: Any) -> AbstractStepper:
     """The scene as the solver steps it."""
     if isinstance(solver, Unrolled):
-        return Whole(system, scene)
+        return UnsplitStepper(system, scene)
     if isinstance(solver, AbstractMultistep):
         split = system.split(start, t0, scene=scene)
-        assert isinstance(split, Flat)
-        return Remembered(split)
+        assert isinstance(split, UniformStrainSplitting)
+        return MultistepStepper(split)
     return system.split(start, t0, solver.small_kicks, scene)
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.core.lanes import alone, lanes_of, lanewise, over_lanes, spread, widened
+from jaxrod.core.each_lane import lanewise
+from jaxrod.core.lanes import alone, lanes_of, over_lanes, spread, widened
 from jaxrod.core.tracing import depends_on_first
 
 A, B = jnp.array([[2.0, 0.5], [0.5, 1.0]]), jnp.array([0.3, -0.7])

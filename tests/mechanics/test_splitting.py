@@ -13,9 +13,9 @@ import jaxrod
 from jaxrod.core.lanes import alone, laned, spread
 from jaxrod.integrators.symplectic import single_step
 from jaxrod.mechanics import energy
-from jaxrod.mechanics.splittings.driven_rotation import Prescribed
-from jaxrod.mechanics.splittings.free_rotation import Axial
-from jaxrod.mechanics.splittings.uniform_strain import Flat
+from jaxrod.mechanics.splittings.driven_rotation import DrivenRotationSplitting
+from jaxrod.mechanics.splittings.free_rotation import FreeRotationSplitting
+from jaxrod.mechanics.splittings.uniform_strain import UniformStrainSplitting
 
 SPACE = {"azimuth": 0.4, "azimuth_rate": 3.0}
 LOADS = (
@@ -84,11 +84,11 @@ def test_stages_are_undone(name):
         def visit(carry, stage, known):
             y, off = carry
             y1 = split.stage(stage, known, 0.1 + 0 * h, h, y)
-            back = split.undone(stage, known, 0.1 + 0 * h, h, split.settled(y1))
-            differences = jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b), initial=0.0), back, split.settled(y))
+            back = split.inverse_stage(stage, known, 0.1 + 0 * h, h, split.normalized(y1))
+            differences = jax.tree.map(lambda a, b: jnp.max(jnp.abs(a - b), initial=0.0), back, split.normalized(y))
             return y1, jnp.maximum(off, jnp.max(jnp.stack(jax.tree.leaves(differences))))
 
-        return split.through(solver, table, visit, (split.opened(solver, table, 0.1 + 0 * h, h, y), 0.0))
+        return split.scan_stages(solver, table, visit, (split.enter(solver, table, 0.1 + 0 * h, h, y), 0.0))
 
     y0 = split.encode(start)
     y1, off = there_and_back(*spread((split, h, y0)))
@@ -133,8 +133,8 @@ def test_each_axial_flow_is_exact(part):
     q1, p1 = _run(energy, (jnp.append(eta, psi), jnp.append(p, momentum)), t)
 
     flows = {
-        "drift": lambda split, t, y: split.settled(split._drift(split._circle(t), t, y)),
-        "turning": lambda split, t, y: split.settled(split._straighten(t, y)),
+        "drift": lambda split, t, y: split.normalized(split._drift(split._circle(t), t, y)),
+        "turning": lambda split, t, y: split.normalized(split._straighten(t, y)),
         "gravity": lambda split, t, y: split._load(0 * t, t, y),
     }
     found = alone(laned(flows[part])(*spread((split, t, y))))
@@ -161,9 +161,9 @@ def test_the_flat_kick_is_minus_the_gradient_of_the_energy():
 
 def test_which_split():
     kinds = {name: type(_scene(name)[0].split(_scene(name)[1])) for name in SCENES}
-    assert {kinds[name] for name in SCENES if name.startswith("flat")} == {Flat}
-    assert kinds["driven"] is Prescribed
-    assert {kinds[name] for name in SCENES if name.startswith(("axial", "rigid"))} == {Axial}
+    assert {kinds[name] for name in SCENES if name.startswith("flat")} == {UniformStrainSplitting}
+    assert kinds["driven"] is DrivenRotationSplitting
+    assert {kinds[name] for name in SCENES if name.startswith(("axial", "rigid"))} == {FreeRotationSplitting}
 
 
 @pytest.mark.parametrize(

@@ -92,7 +92,7 @@ def test_solutions_pass_through_vmap():
     assert many.tip.shape == (3, 3, 2)
     assert many.shape(jnp.linspace(0.0, 1.0, 5)).shape == (3, 3, 5, 2)
     assert many.ok.tolist() == [True] * 3
-    assert str(many) == "Solution of 3 scenes by BlanesMoan6, Flat"
+    assert str(many) == "Solution of 3 scenes by BlanesMoan6, UniformStrainSplitting"
     one = run(RATES[1])
     for name in ("angle", "strain", "tip", "energy"):
         np.testing.assert_allclose(getattr(many, name)[1], getattr(one, name), rtol=1e-12, atol=1e-12)

@@ -8,16 +8,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...core.lanes import lanewise
-from ...integrators.splitting import Split
+from ...core.each_lane import lanewise
+from ...integrators.splitting import PhasePoint
 from ...motions.state import State
 from ..chart import Strains
 from ..equations import DiscreteSystem, Moving
 from .common import LONGEST_TURN, watched
-from .normal_modes import AbstractOscillating, AxialModes, back
+from .normal_modes import AbstractModalSplitting, AxialModes, back
 
 
-class Prescribed(AbstractOscillating):
+class DrivenRotationSplitting(AbstractModalSplitting):
     """A `Driven` rotation: exact oscillators, kicked by the centrifugal pull and by gravity of the moment."""
 
     scene: DiscreteSystem  # without its stiffness, which the oscillators have
@@ -32,7 +32,7 @@ class Prescribed(AbstractOscillating):
 
     def encode(self, state):
         eta, deta = self.modes.encode(state)
-        return Split(None, None, eta, deta)
+        return PhasePoint(None, None, eta, deta)
 
     def decode(self, t, y, turns):
         return Strains().decode(self.scene.motion, t, *self.modes.decode(y.strain, y.strain_momentum), turns)
@@ -40,7 +40,7 @@ class Prescribed(AbstractOscillating):
     def stage(self, stage, known, t, h, y):
         return self._drift(known, stage.drift * h, self._kick(t + stage.passed * h, stage.kick * h, y))
 
-    def undone(self, stage, known, t, h, y):
+    def inverse_stage(self, stage, known, t, h, y):
         return self._kick(t + stage.passed * h, -stage.kick * h, self._drift(back(known), -stage.drift * h, y))
 
     def longest_step(self, scheme, ts):
@@ -50,11 +50,11 @@ class Prescribed(AbstractOscillating):
         fastest = jnp.max(jnp.abs(jax.vmap(lambda t: motion.turning(t)[1])(ts)))
         return jnp.minimum(math.pi / self.modes.rates[0], LONGEST_TURN / jnp.maximum(fastest, 1e-30))
 
-    def _drift(self, circle, t, y: Split):
+    def _drift(self, circle, t, y: PhasePoint):
         (versine, sin), x, p = self._turned(circle, t), y.strain, y.strain_momentum
         return y._replace(strain=x + (sin * p - versine * x), strain_momentum=p - (sin * x + versine * p))
 
-    def _kick(self, t, h, y: Split):
+    def _kick(self, t, h, y: PhasePoint):
         return self._kicked(h, lanewise(_push)(self.modes, self.scene, t, y.strain), y)
 
 

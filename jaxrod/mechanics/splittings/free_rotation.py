@@ -6,18 +6,19 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...core.lanes import lanewise, summed
-from ...integrators.splitting import Split
+from ...core.each_lane import lanewise
+from ...core.lanes import summed
+from ...integrators.splitting import PhasePoint
 from ...motions.state import Placement, State
 from .. import energy
 from ..equations import DiscreteSystem
 from .common import Center, held, watched, with_center
-from .normal_modes import AbstractOscillating, AxialModes, back
+from .normal_modes import AbstractModalSplitting, AxialModes, back
 
 _SERIES = 7  # terms of versine and sine: exact to rounding for turnings up to half a radian
 
 
-class Axial(AbstractOscillating):
+class FreeRotationSplitting(AbstractModalSplitting):
     """Axial normal modes and a director: exact oscillators that turn, whatever their number and stiffness.
 
     The energy T + V with the angular momentum l and J the moment of inertia of the stretched rod is cut in three:
@@ -48,7 +49,7 @@ class Axial(AbstractOscillating):
         eta, deta = self.modes.encode(state)
         inertia = self.modes.inertia(eta)
         momentum = inertia * state.rate if state.planar else inertia * jnp.cross(state.direction, state.direction_rate)
-        return Split(state.direction, jnp.atleast_1d(momentum), eta, deta, jnp.zeros_like(inertia))
+        return PhasePoint(state.direction, jnp.atleast_1d(momentum), eta, deta, jnp.zeros_like(inertia))
 
     def decode(self, t, y, turns):
         d, momentum, eta, deta, _ = y
@@ -57,19 +58,19 @@ class Axial(AbstractOscillating):
         return with_center(State(d, rate, *self.modes.decode(eta, deta), turns), self.center, t)
 
     def stage(self, stage, known, t, h, y):
-        y = self.settled(self._straighten(stage.before * h, y))
+        y = self.normalized(self._straighten(stage.before * h, y))
         y = self._load(t + stage.passed * h, stage.kick * h, y)
         return self._drift(known, stage.drift * h, self._straighten(stage.after * h, y))
 
-    def undone(self, stage, known, t, h, y):
-        y = self.settled(self._straighten(-stage.after * h, self._drift(back(known), -stage.drift * h, y)))
+    def inverse_stage(self, stage, known, t, h, y):
+        y = self.normalized(self._straighten(-stage.after * h, self._drift(back(known), -stage.drift * h, y)))
         y = self._load(t + stage.passed * h, -stage.kick * h, y)
-        return self.settled(self._straighten(-stage.before * h, y))
+        return self.normalized(self._straighten(-stage.before * h, y))
 
-    def settled(self, y):
+    def normalized(self, y):
         return y._replace(q=_rotated(y.q, y.p, y.turning), turning=jnp.zeros_like(y.turning))
 
-    def _drift(self, circle, t, y: Split) -> Split:
+    def _drift(self, circle, t, y: PhasePoint) -> PhasePoint:
         """The oscillators under a constant pull for a time t; the director is to turn by l int 1/J dt."""
         modes, square = self.modes, summed(y.p * y.p)
         (versine, sin), eta, p = self._turned(circle, t), y.strain, y.strain_momentum
@@ -83,14 +84,14 @@ class Axial(AbstractOscillating):
             turning=y.turning + (t - 2 * (swept + square * pulled * t)),
         )
 
-    def _straighten(self, h, y: Split) -> Split:
+    def _straighten(self, h, y: PhasePoint) -> PhasePoint:
         """The kick of what is left of the turning."""
         if not y.strain.shape[0]:
             return y
         push, turning = lanewise(_rest)(self.modes, y.strain, summed(y.p * y.p))
         return self._kicked(-h, push, y)._replace(turning=y.turning + 2 * h * turning)
 
-    def _load(self, t, h, y: Split) -> Split:
+    def _load(self, t, h, y: PhasePoint) -> PhasePoint:
         """The kick of gravity and of forces."""
         gravity = self.scene.gravity
         if gravity is None and self.loads is None:

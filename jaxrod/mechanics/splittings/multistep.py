@@ -7,8 +7,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ...integrators.multistep import STARTER, SUBSTEPS, AbstractMultistep
-from ...integrators.splitting import AbstractStepped, Split
-from .uniform_strain import Flat
+from ...integrators.splitting import AbstractStepper, PhasePoint
+from .uniform_strain import UniformStrainSplitting
 
 
 class Past(NamedTuple):
@@ -19,11 +19,11 @@ class Past(NamedTuple):
     accelerations: tuple[Float[Array, "D lanes"], ...]
 
 
-class Remembered(AbstractStepped):
+class MultistepStepper(AbstractStepper):
     """Uniform strain with its past."""
 
     has_past: ClassVar = True
-    flat: Flat
+    flat: UniformStrainSplitting
 
     def undoable(self, scheme):
         return STARTER, self.flat  # in as many steps, each of several stages: as exact where this method is stable
@@ -40,7 +40,7 @@ class Remembered(AbstractStepped):
     def table(self, scheme, h):
         del scheme, h
 
-    def opened(self, scheme: AbstractMultistep, table, t, h, y):
+    def enter(self, scheme: AbstractMultistep, table, t, h, y):
         """Runs back for a past, by short steps of another method."""
         back = -h / SUBSTEPS
         positions, accelerations = [y.q], [self.flat.force(t, y.q)]
@@ -52,12 +52,12 @@ class Remembered(AbstractStepped):
         differences = tuple(here - before for here, before in itertools.pairwise(positions))
         return Past(positions[0], differences, tuple(accelerations[:-1]))
 
-    def closed(self, scheme: AbstractMultistep, table, t, h, y):
+    def leave(self, scheme: AbstractMultistep, table, t, h, y):
         """Position and velocity now."""
         velocity = y.differences[0] / h
         for weight, acceleration in zip(scheme.velocity, y.accelerations, strict=True):
             velocity = velocity + weight * h * acceleration
-        return Split(y.q, velocity)
+        return PhasePoint(y.q, velocity)
 
     def step(self, scheme: AbstractMultistep, table, t, h, y):
         weights, half, past = scheme.weights, scheme.past // 2, y.accelerations

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ...core import precision
 from ...core.linear_algebra import eigh
-from ...integrators.splitting import AbstractSplit, Split
+from ...integrators.splitting import AbstractSplitting, PhasePoint
 from ...motions.state import State
 from ...shapes.projection import Projection
 from .common import lowest, per_inertia
@@ -69,7 +69,7 @@ class AxialModes(eqx.Module):
         return self.shapes @ eta, self.shapes @ (deta * self.rates)
 
 
-class AbstractOscillating(AbstractSplit):
+class AbstractModalSplitting(AbstractSplitting):
     """A split whose drift has the oscillators of the axial modes.
 
     `field`: strain of each mode at the places watched.
@@ -94,18 +94,18 @@ class AbstractOscillating(AbstractSplit):
         return _on_circle(*circle, self.modes.rates * t)
 
     @abc.abstractmethod
-    def _drift(self, circle, t, y: Split) -> Split:
+    def _drift(self, circle, t, y: PhasePoint) -> PhasePoint:
         """y after a drift for a time t, in which the oscillators turn as `circle` knows."""
 
-    def opened(self, scheme, table, t, h, y):
+    def enter(self, scheme, table, t, h, y):
         del t
         return self._drift(table[1], scheme.drifts[0] * h, y)
 
-    def closed(self, scheme, table, t, h, y):
+    def leave(self, scheme, table, t, h, y):
         del t
-        return self.settled(self._drift(back(table[1]), -scheme.drifts[0] * h, y))
+        return self.normalized(self._drift(back(table[1]), -scheme.drifts[0] * h, y))
 
-    def _kicked(self, h, push: Float[Array, "n lanes"], y: Split) -> Split:
+    def _kicked(self, h, push: Float[Array, "n lanes"], y: PhasePoint) -> PhasePoint:
         """y after a force on each mode for a time h."""
         return y._replace(strain_momentum=y.strain_momentum + h * push * self.modes.periods)
 

@@ -8,8 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...core.lanes import lanewise, summed
-from ...integrators.splitting import AbstractSplit, Split
+from ...core.each_lane import lanewise
+from ...core.lanes import summed
+from ...integrators.splitting import AbstractSplitting, PhasePoint
 from ...motions.state import State
 from .. import energy
 from ..chart import Embedded
@@ -17,7 +18,7 @@ from ..equations import DiscreteSystem, Moving
 from .common import Center, held, per_inertia, with_center, without_center
 
 
-class Flat(AbstractSplit):
+class UniformStrainSplitting(AbstractSplitting):
     """Uniform strain in q = (1 + eps) d: a mass on a spring.  Drift: straight on.  Kick: the gradient of all of V."""
 
     scene: DiscreteSystem
@@ -36,7 +37,7 @@ class Flat(AbstractSplit):
 
     def encode(self, state):
         q, v = Embedded().encode(self.scene.motion, without_center(state))
-        return Split(q, v)
+        return PhasePoint(q, v)
 
     def decode(self, t, y, turns):
         return with_center(Embedded().decode(self.scene.motion, t, y.q, y.p, turns), self.center, t)
@@ -47,19 +48,19 @@ class Flat(AbstractSplit):
     def stage(self, stage, known, t, h, y):
         del known
         v = y.p + stage.kick * h * self.force(t + stage.passed * h, y.q)
-        return Split(y.q + stage.drift * h * v, v)
+        return PhasePoint(y.q + stage.drift * h * v, v)
 
-    def undone(self, stage, known, t, h, y):
+    def inverse_stage(self, stage, known, t, h, y):
         del known
         q = y.q - stage.drift * h * y.p
-        return Split(q, y.p - stage.kick * h * self.force(t + stage.passed * h, q))
+        return PhasePoint(q, y.p - stage.kick * h * self.force(t + stage.passed * h, q))
 
-    def opened(self, scheme, table, t, h, y):
+    def enter(self, scheme, table, t, h, y):
         del table, t
-        return Split(y.q + scheme.drifts[0] * h * y.p, y.p)
+        return PhasePoint(y.q + scheme.drifts[0] * h * y.p, y.p)
 
-    def closed(self, scheme, table, t, h, y):
-        return self.opened(scheme, table, t, -h, y)
+    def leave(self, scheme, table, t, h, y):
+        return self.enter(scheme, table, t, -h, y)
 
     def longest_step(self, scheme, ts):
         del ts

@@ -5,15 +5,15 @@ import functools
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ...core.lanes import lanewise
-from ...integrators.splitting import AbstractStepped, Split
+from ...core.each_lane import lanewise
+from ...integrators.splitting import AbstractStepper, PhasePoint
 from ..chart import Director, Embedded, Strains
 from ..equations import Condensed, DiscreteSystem, Moving, eigenvalues
 from ..system import System
 from .common import lowest, watched
 
 
-class Whole(AbstractStepped):
+class UnsplitStepper(AbstractStepper):
     """The equations of motion uncut, for `Unrolled`: q and v of a chart."""
 
     equations: Moving | Condensed
@@ -25,7 +25,7 @@ class Whole(AbstractStepped):
         self.field = watched(scene.body.strains)
 
     def encode(self, state):
-        return Split(*self.equations.encode(0.0, state))
+        return PhasePoint(*self.equations.encode(0.0, state))
 
     def decode(self, t, y, turns):
         return self.equations.decode(t, y.q, y.p, turns)
@@ -40,8 +40,8 @@ class Whole(AbstractStepped):
             rates.append(self._rate(t + float(c) * h, _ahead(y, h, row, rates)))
         return _ahead(y, h, tableau.b_sol, rates)
 
-    def _rate(self, t, y: Split) -> Split:
-        return Split(y.p, lanewise(_acceleration)(self.equations, t, y.q, y.p))
+    def _rate(self, t, y: PhasePoint) -> PhasePoint:
+        return PhasePoint(y.p, lanewise(_acceleration)(self.equations, t, y.q, y.p))
 
     def longest_step(self, scheme, ts):
         # Two steps a period at least: no explicit method follows a vibration that it does not see.
@@ -58,7 +58,7 @@ class Whole(AbstractStepped):
     def lowest_strain(self, phases):
         return functools.reduce(jnp.minimum, [self._lowest(y) for y in phases])
 
-    def _lowest(self, y: Split):
+    def _lowest(self, y: PhasePoint):
         size, n = self.equations.chart.size(self.equations.scene.motion), self.field.shape[0]
         if isinstance(self.equations.chart, Embedded):
             return jnp.sqrt(jnp.sum(y.q[:size] ** 2, axis=0)) - 1
@@ -71,9 +71,9 @@ def _acceleration(equations: Moving | Condensed, t, q, v):
     return equations.acceleration(t, q, v)
 
 
-def _ahead(y: Split, h, weights, rates: list[Split]) -> Split:
+def _ahead(y: PhasePoint, h, weights, rates: list[PhasePoint]) -> PhasePoint:
     q, p = y.q, y.p
     for weight, rate in zip(weights, rates, strict=False):
         if weight:
             q, p = q + float(weight) * h * rate.q, p + float(weight) * h * rate.p
-    return Split(q, p)
+    return PhasePoint(q, p)
