@@ -60,8 +60,9 @@ def test_any_rod_any_rung_any_load():
 
 @pytest.mark.slow
 def test_a_million_rods():
-    ok, many, strain, slope = numbers(printed(2).replace("rate) up", "up"))
+    ok, many, strain, slope, *apart = numbers(printed(2).replace("rate) up", "up"))
     assert ok == many == 256 and 0 < strain < 0.2 and slope > 0
+    assert len(apart) == 5 and max(map(abs, apart)) < 1e-9
 
 
 @pytest.mark.slow

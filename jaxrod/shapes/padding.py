@@ -25,7 +25,7 @@ class FirstShapes(AbstractBasis):
     kept: Int[Array, ""]
 
     def __init__(self, basis: AbstractBasis, kept: Any):
-        self.basis, self.kept = basis, jnp.asarray(kept)
+        self.basis, self.kept = basis, jnp.asarray(kept, jnp.int32)
 
     @property
     def n(self):
