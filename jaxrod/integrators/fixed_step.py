@@ -190,8 +190,10 @@ def _stepped(split: AbstractStepper, solver: Any, table: Any, begin, h, walker: 
                 stopped = jnp.where(stopped == 0, _strayed(before, after), stopped)
                 turns = turns + passed(before, after)
         y, going = path[-1], (stopped == 0) & on
-        if not split.has_past:  # a past goes on, into nothing: to hold it takes as long as the steps
-            y = jax.tree.map(lambda new, old: jnp.where(going, new, old), y, walker.y)
+        # A past goes on where the run stopped, into nothing: to hold it takes as long as the steps.
+        held = on if split.has_past else going
+        if held is not True and size == 1:
+            y = jax.tree.map(lambda new, old: jnp.where(held, new, old), y, walker.y)
         turns = jnp.where(going, turns, walker.turns)
         stopped = jnp.where(on, stopped, walker.stopped)
         t, lowest = jnp.where(on, here.t, walker.t), jnp.where(on, here.lowest, walker.lowest)
@@ -199,7 +201,8 @@ def _stepped(split: AbstractStepper, solver: Any, table: Any, begin, h, walker: 
 
     most, carry, size = jnp.max(count), (jnp.zeros((), count.dtype), walker), split.steps_at_once(solver)
     if size > 1:
-        carry = jax.lax.while_loop(lambda carry: carry[0] + size <= most, functools.partial(body, size), carry)
+        all_take = jnp.min(count)
+        carry = jax.lax.while_loop(lambda carry: carry[0] + size <= all_take, functools.partial(body, size), carry)
     _, walker = jax.lax.while_loop(lambda carry: carry[0] < most, functools.partial(body, 1), carry)
     end = begin + count * h
     walker = _watched(split, [walker.y], walker, end)

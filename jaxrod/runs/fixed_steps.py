@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core.result import Result
-from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, march
+from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, Walker, march
 from ..integrators.multistep import AbstractMultistep
 from ..integrators.reversal import forward_refused
 from ..integrators.runge_kutta import Unrolled
@@ -125,25 +125,30 @@ def step_through(
     # By a product: what was not reached has no derivative, and zero would be taken for one.
     known = jnp.where(reached, 1.0, jnp.nan).astype(t0.dtype)
     states = jax.tree.map(lambda x: x * known.reshape((-1,) + (1,) * (x.ndim - 1)), states)
-    steps = jnp.sum(taken)
     return Solution(
         ts=jnp.where(reached, jnp.where(last.stopped == 0, given_ts, last.t), jnp.nan) if end_only else given_ts,
         states=states,
         result=code,
-        stats={
-            "num_steps": steps,
-            "num_accepted_steps": steps,
-            "num_rejected_steps": jnp.zeros_like(steps),
-            "t_end": last.t,
-            "longest_step": jnp.minimum(longest, jnp.finfo(longest.dtype).max),  # of a method without one
-            "lowest_strain": last.lowest,
-            "step": (last.t - t0) / jnp.maximum(steps, 1),
-            **({} if looked is None else {"unseen": looked.unseen}),
-        },
+        stats=_stats(t0, last, jnp.sum(taken), longest, looked),
         system=given,
         start=given_start,
         method=f"{type(solver).__name__}, {type(split).__name__}",
     )
+
+
+def _stats(
+    t0, last: Walker, steps: Int[Array, ""], longest: Float[Array, ""], looked: Preview | None
+) -> dict[str, Any]:
+    return {
+        "num_steps": steps,
+        "num_accepted_steps": steps,
+        "num_rejected_steps": jnp.zeros_like(steps),
+        "t_end": last.t,
+        "longest_step": jnp.minimum(longest, jnp.finfo(longest.dtype).max),  # of a method without one
+        "lowest_strain": last.lowest,
+        "step": (last.t - t0) / jnp.maximum(steps, 1),
+        **({} if looked is None else {"unseen": looked.unseen}),
+    }
 
 
 def _runnable(system: System, start: State, t0, ts) -> tuple[System, DiscreteSystem, State, Array, Bool[Array, ""]]:

@@ -1,4 +1,4 @@
-"""By which numbers `fixed_steps.step_size` counts equal steps, and `acceptance.trusted` believes a run of them.
+"""By which numbers `fixed_steps.step_size` counts equal steps, and `acceptance` believes a run of them.
 
 The numbers alone are here: `fixed_steps.step_size` decides the size of a step.
 """

@@ -116,6 +116,21 @@ def test_derivatives():
     np.testing.assert_allclose(jax.vmap(jax.grad(lambda rate: tip(rate, **how)[0]))(rates)[0], right[0], atol=1e-9)
 
 
+def test_lanes_of_different_counts():
+    """Each scene takes its own steps, whatever its neighbours take; and from save times of its own."""
+    system, start = _thrown()
+
+    def end(**how):
+        return jaxrod.simulate(system, start, solver=QuinlanTremaine10(), **how).angle
+
+    counts = jnp.array([600, 605, 900])
+    together = jax.vmap(lambda n: end(t1=1.0, n_steps=n))(counts)
+    np.testing.assert_allclose(together, [end(t1=1.0, n_steps=int(n)) for n in counts], rtol=1e-12)
+    first = jnp.array([0.05, 0.08])
+    together = jax.vmap(lambda t: end(ts=jnp.stack([t, jnp.asarray(0.2)]), n_steps=200))(first)
+    np.testing.assert_allclose(together, [end(ts=jnp.array([t, 0.2]), n_steps=200) for t in first], rtol=1e-12)
+
+
 def test_refusals():
     system, start = _thrown()
     method = QuinlanTremaine10()
