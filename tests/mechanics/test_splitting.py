@@ -184,6 +184,7 @@ def test_what_cannot_be_split_says_so(change, why):
     assert type(jaxrod.default_solver(system)) is diffrax.Dopri8
 
 
+@pytest.mark.slow  # what was compiled is forgotten twice
 def test_one_energy_makes_the_default_run(scene, monkeypatch):
     """What `energy.py` says is what moves: with another energy of weight the default run is another one, by as much."""
     system = scene(basis=jaxrod.Ritz(2), gravity=9.81)
