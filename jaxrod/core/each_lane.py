@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jax.extend import core
 from jaxtyping import Array
 
-from .lanes import lanes_of, summed, widened
+from .lanes import lanes_of, spread, summed, widened
 
 
 def lanewise(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -33,21 +33,17 @@ def lanewise(function: Callable[..., Any]) -> Callable[..., Any]:
         shapes = [jax.ShapeDtypeStruct(x.shape[:-1], x.dtype) for x in leaves]
         # JAX keeps what it traced of one and the same function: the stages of a step trace their force once.
         closed, out = jax.make_jaxpr(function, return_shape=True)(*jax.tree.unflatten(tree, shapes))
-        found = _evaluate(closed.jaxpr, [_known(x) for x in closed.consts], leaves)
+        found = _evaluate(closed.jaxpr, spread(closed.consts), leaves)
         return jax.tree.unflatten(jax.tree.structure(out), found)
 
     return evaluate
-
-
-def _known(x) -> Array:
-    return jnp.asarray(x)[..., None]
 
 
 def _evaluate(jaxpr, consts: list[Array], args: list[Array]) -> list[Array]:
     known = dict(zip([*jaxpr.constvars, *jaxpr.invars], [*consts, *args], strict=True))
 
     def read(atom) -> Array:
-        return _known(atom.val) if isinstance(atom, core.Literal) else known[atom]
+        return spread(atom.val) if isinstance(atom, core.Literal) else known[atom]
 
     for eqn in jaxpr.eqns:
         for var, x in zip(eqn.outvars, _operation(eqn, [read(x) for x in eqn.invars]), strict=True):
@@ -60,7 +56,7 @@ def _operation(eqn, laned: list[Array]) -> list[Array]:
     if name in _INNER:
         inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
         inner = inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
-        return _evaluate(inner.jaxpr, [_known(c) for c in inner.consts], laned)
+        return _evaluate(inner.jaxpr, spread(inner.consts), laned)
     if name in _ON_LEADING_AXES:
         return [_ON_LEADING_AXES[name](params, eqn.outvars[0].aval.shape, *laned)]
     if name == "reduce_sum":

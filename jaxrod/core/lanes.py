@@ -76,10 +76,9 @@ def over_lanes(function: Callable[..., Any]) -> Callable[..., Any]:
     [ 25. 100.]
     """
 
-    shape: list[Any] = []
-
     def evaluate(*args):
         leaves, tree = jax.tree.flatten(args)
+        shape: list[Any] = []
 
         def flat(*leaves):
             found, out = jax.tree.flatten(laned(function)(*jax.tree.unflatten(tree, leaves)))

@@ -284,7 +284,7 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
     def stepped(asked) -> AbstractSplitting:
         return eqx.combine(asked, known).undoable(solver)[1]
 
-    split, scheme = stepped(asked), eqx.combine(asked, known).undoable(solver)[0]
+    scheme, split = eqx.combine(asked, known).undoable(solver)
 
     def leg(carry, row):
         y_bar, asked_bar = carry

@@ -120,7 +120,7 @@ class AbstractSplitting(AbstractStepper):
 
     @abc.abstractmethod
     def inverse_stage(self, stage: Stage, known, t, h, y: PhasePoint) -> PhasePoint:
-        """The settled y before that stage."""
+        """The normalized y before that stage."""
 
     def normalized(self, y: PhasePoint) -> PhasePoint:
         """The same phase, in its one form that leaves nothing to be done."""
