@@ -221,7 +221,7 @@ def _beyond(few: int, less: Array, many: int, more: Array) -> Array:
 
 def nudged(start: State, by: float) -> State:
     """A start turned by about `by` rad, stretched by that strain, and faster by that part."""
-    d = start.direction + by * jnp.ones_like(start.direction)
+    d = start.direction + by * _aside(start.direction)
     d = d / jnp.sqrt(d @ d)
     rate = (1 + by) * start.direction_rate
     amplitudes, amplitude_rates = start.amplitudes + by, (1 + by) * start.amplitude_rates
@@ -232,3 +232,12 @@ def nudged(start: State, by: float) -> State:
         amplitudes=amplitudes,
         amplitude_rates=amplitude_rates,
     )
+
+
+def _aside(d: Float[Array, " D"]) -> Float[Array, " D"]:
+    """Across a direction; in space between the way across that is nearest to an axis and the one across both."""
+    if d.size == 2:
+        return jnp.stack([-d[1], d[0]])
+    across = jnp.cross(d, jnp.eye(3, dtype=d.dtype)[jnp.argmin(jnp.abs(d))])
+    across = across / jnp.sqrt(across @ across)
+    return across + jnp.cross(d, across)

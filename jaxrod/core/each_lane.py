@@ -17,8 +17,7 @@ from .lanes import lanes_of, spread, summed, widened
 def lanewise(function: Callable[..., Any]) -> Callable[..., Any]:
     """The same function of pytrees of laned arrays, in every lane.
 
-    It walks the function's jaxpr.  Derivative rules of `custom_jvp` and `custom_vjp` within it are not kept: their bodies are
-    evaluated.
+    It walks the function's jaxpr.
 
     >>> import jax, jax.numpy as jnp
     >>> from jaxrod.core.each_lane import lanewise
@@ -54,7 +53,7 @@ def _evaluate(jaxpr, consts: list[Array], args: list[Array]) -> list[Array]:
 def _operation(eqn, laned: list[Array]) -> list[Array]:
     name, params = eqn.primitive.name, eqn.params
     if name in _INNER:
-        inner = next(params[key] for key in ("jaxpr", "call_jaxpr", "fun_jaxpr") if key in params)
+        inner = next(params[key] for key in ("jaxpr", "call_jaxpr") if key in params)
         inner = inner if isinstance(inner, core.ClosedJaxpr) else core.ClosedJaxpr(inner, ())
         return _evaluate(inner.jaxpr, spread(inner.consts), laned)
     if name in _ON_LEADING_AXES:
@@ -74,14 +73,11 @@ def _operation(eqn, laned: list[Array]) -> list[Array]:
 
 
 def _mapped(eqn, laned: list[Array]) -> list[Array]:
-    """Whatever else: by JAX."""
-
-    def alone(*arrays):
-        found = eqn.primitive.bind(*arrays, **eqn.params)
-        return list(found) if eqn.primitive.multiple_results else [found]
-
-    alike = [x.shape[-1] == 1 for x in laned]
-    arrays = [x[..., 0] if one else x for x, one in zip(laned, alike, strict=True)]
+    """Whatever else: by JAX, as what has derivative rules of its own."""
+    known = {var: x for var, x in zip(eqn.invars, laned, strict=True) if not isinstance(var, core.Literal)}
+    alone = core.jaxpr_as_fun(core.ClosedJaxpr(core.Jaxpr((), list(known), eqn.outvars, [eqn], eqn.effects), ()))
+    alike = [x.shape[-1] == 1 for x in known.values()]
+    arrays = [x[..., 0] if one else x for x, one in zip(known.values(), alike, strict=True)]
     if all(alike):
         return [x[..., None] for x in alone(*arrays)]
     return jax.vmap(alone, in_axes=[None if one else -1 for one in alike], out_axes=-1)(*arrays)
@@ -129,7 +125,7 @@ def _padded(params, shape, x, value):
     return jax.lax.pad(x, value[0], (*params["padding_config"], (0, 0, 0)))
 
 
-_INNER = {"jit", "pjit", "closed_call", "core_call", "custom_jvp_call", "custom_vjp_call", "remat", "checkpoint"}
+_INNER = {"jit", "pjit", "closed_call", "core_call", "remat", "checkpoint"}
 _ON_LEADING_AXES: dict[str, Callable[..., Array]] = {
     "broadcast_in_dim": _broadcast,
     "concatenate": _joined,

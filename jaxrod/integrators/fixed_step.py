@@ -15,18 +15,18 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..core.lanes import alone, lanes_of, over_lanes, spread, summed, widened
+from ..core.result import Result
 from .compensation import passed
 from .reversal import ONCE, reversible
 from .splitting import AbstractSplitting, AbstractStepper, PhasePoint
 
-COLLAPSED, DIVERGED, COARSE, NON_FINITE, CUT = 1, 2, 3, 4, 5
 _LEAST_STRAIN, _LARGEST_STRAIN = -1 + 1e-6, 1e6
 _LOOK = 4  # every so many steps of those written out together it is seen how far the rod turned
 _NEAR = 1e-6  # square of the distance from the pivot, over the length, that a step may not tell from none
 
 
 class Walker(NamedTuple):
-    """A run on its way: phase, full turns made, why it stopped (0: it did not), the time it reached, and the least strain
+    """A run on its way: phase, full turns made, the `Result` that stopped it, the time it reached, and the least strain
     on the way."""
 
     y: PhasePoint
@@ -98,7 +98,7 @@ def _march(solver: Any, split: AbstractStepper, y0: PhasePoint, turns, route: Ro
     """Laned: both ways as passes of one loop, whose program is the larger part of what is to be compiled."""
     lanes, count = lanes_of(eqx.filter((split, y0, turns, route, check), eqx.is_array)), route.ends.shape[0]
     none = jnp.zeros(lanes, route.ends.dtype)
-    start = Walker(widened(y0, lanes), turns + none, jnp.zeros(lanes, jnp.int32), route.start + none, none)
+    start = Walker(widened(y0, lanes), turns + none, jnp.zeros(lanes, jnp.int32), route.start + none, none + jnp.inf)
     size = math.isqrt(count - 1) + 1  # of a block of legs
     blocks = -(-count // size)
     legs = route.legs(size * blocks)
@@ -143,7 +143,7 @@ def _pass(
             seen = walker._replace(y=closed)
         else:
             walker = seen = _moved(split, walker, closed)
-        stopped = jnp.where((walker.stopped == 0) & (taken < count), CUT, walker.stopped)
+        stopped = jnp.where((walker.stopped == 0) & (taken < count), Result.max_steps, walker.stopped)
         return walker._replace(stopped=stopped), _packed(seen._replace(stopped=stopped))
 
     legs = jax.tree.map(lambda x: x.reshape(-1, size, x.shape[-1]), legs)
@@ -221,17 +221,17 @@ def _strayed(before, after) -> Int[Array, " lanes"]:
     sizes = summed(before * before) * summed(after * after)
     way = summed((before - after) ** 2)
     through = (ahead < 0) & (sizes - ahead * ahead < _NEAR * way)
-    return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, COLLAPSED, COARSE))
+    return jnp.where((ahead > 0) & (2 * ahead * ahead > sizes), 0, jnp.where(through, Result.collapsed, Result.coarse))
 
 
 def _watched(split: AbstractStepper, phases: list, walker: Walker, t) -> Walker:
     """The walker with the reason why it stops at one of `phases`, if it does.  What it does after that means nothing."""
     lowest = split.lowest_strain(phases)
-    why = jnp.where(lowest > _LEAST_STRAIN, 0, COLLAPSED)
-    why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, DIVERGED)
+    why = jnp.where(lowest > _LEAST_STRAIN, 0, Result.collapsed)
+    why = jnp.where(jnp.abs(lowest) < _LARGEST_STRAIN, why, Result.diverged)
     newest = phases[-1].q if split.has_past else phases[-1]
     total = sum(jnp.sum(x.reshape(-1, x.shape[-1]), axis=0) for x in jax.tree.leaves(newest))
-    why = jnp.where(jnp.isfinite(total), why, NON_FINITE)
+    why = jnp.where(jnp.isfinite(total), why, Result.non_finite)
     first = walker.stopped == 0
     return walker._replace(
         stopped=jnp.where(first, why, walker.stopped),
@@ -287,12 +287,9 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
     scheme, split = eqx.combine(asked, known).undoable(solver)
 
     def leg(carry, row):
-        y_bar, asked_bar = carry
         walker, bar, begin, h, count = row
+        y_bar, asked_bar = jax.tree.map(jnp.add, carry[0], bar), carry[1]
         table = split.table(scheme, h)
-        # A run that stopped has no derivative.
-        defined = jnp.where((walker.stopped == 0) | (walker.stopped == CUT), 1.0, jnp.nan).astype(dtype)
-        y_bar = jax.tree.map(lambda x, more: (x + more) * defined, y_bar, bar)
 
         def pulled(function, sums, t, k, y, y_bar):
             """`sums` and `y_bar` before `function` of (split, t, h, y), at the step k that begins at t."""
@@ -333,11 +330,17 @@ def _undone(solver: Any, asked, known, route: Route, by_times: bool, walkers: Wa
             return k, *jax.tree.map(lambda new, old: jnp.where(on, new, old), after, before)
 
         sums = (asked_bar, (jnp.zeros(lanes, dtype),) * 2 if by_times else None)
+        before = y_bar, sums
         y = open_(split, begin, h, walker.y)
         sums, y_bar = pulled(close, sums, begin, 0, y, y_bar)
         most = jnp.max(count)
         _, y, y_bar, sums = jax.lax.while_loop(lambda carry: carry[0] > 0, step, (most, y, y_bar, sums))
-        (asked_bar, moment_bar), y_bar = pulled(open_, sums, begin, 0, close(split, begin, h, y), y_bar)
+        sums, y_bar = pulled(open_, sums, begin, 0, close(split, begin, h, y), y_bar)
+        # Where a run stopped nothing is undone, and nothing was asked of it.
+        ended = (walker.stopped == 0) | (walker.stopped == Result.max_steps)
+        y_bar, (asked_bar, moment_bar) = jax.tree.map(
+            lambda new, old: jnp.where(ended, new, old), (y_bar, sums), before
+        )
         return (y_bar, asked_bar), moment_bar
 
     none = jax.tree.map(lambda x: jnp.zeros_like(x[0]), y_bars)

@@ -1,4 +1,4 @@
-"""Reverse derivatives that are refused in one sentence, where JAX would stop in the middle of a loop.  Knows no rods."""
+"""Derivatives that there are not: refused in one sentence where JAX would stop in the middle of a loop.  Knows no rods."""
 
 import contextlib
 from collections.abc import Iterator
@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
+from jaxtyping import Array, Bool
 
 FORWARD = (
     "a run has no forward derivative by default; give simulate adjoint=diffrax.ForwardMode(), and of second "
@@ -42,6 +43,28 @@ ad.deflinear2(_limited, _reversed)
 def reversible(tree: Any, times: int, why: str) -> Any:
     """The same tree of arrays, with at most so many reverse derivatives one of the other; `why`, what is said of more."""
     return jax.tree.map(lambda x: _limited.bind(x, times=times, why=why) if _is_float(x) else x, tree)
+
+
+def as_far_as(reached: Bool[Array, " T"], followed: Bool[Array, " T"], rows: Any, inputs: Any) -> Any:
+    """The `rows` (T, ...) of a tree that were `reached`, others NaN; those that were not `followed` have no derivative.
+
+    By each number of `inputs` it is NaN there in either mode, as zero would be taken for one; but where nothing is asked of
+    them they leave the other rows alone.
+    """
+    numbers = sum(jnp.sum(x) for x in jax.tree.leaves(inputs) if _is_float(x))
+    zero = numbers - jax.lax.stop_gradient(numbers)
+    # Zero stays zero; all else becomes infinite and, less another infinity, no number, from either side.  By factors: zero times
+    # infinity is no number.  They are no constants, of which XLA would take the product, and one more as it fuses the last.
+    beyond = jnp.where(jnp.all(followed), 1, jnp.finfo(jnp.result_type(numbers)).max)
+    unknown = zero * beyond * beyond * beyond - zero * beyond * beyond * beyond
+
+    def row(x):
+        known, has_derivative = (mask.reshape((-1,) + (1,) * (x.ndim - 1)) for mask in (reached, reached & followed))
+        return jnp.where(
+            has_derivative, x, jax.lax.stop_gradient(jnp.where(known, x, jnp.nan)) + unknown.astype(x.dtype)
+        )
+
+    return jax.tree.map(row, rows)
 
 
 class NoForwardDerivative(ValueError, TypeError):

@@ -79,12 +79,13 @@ class AbstractStepper(eqx.Module):
         del scheme, table, t, h
         return y
 
-    def longest_step(self, scheme, ts: Float[Array, " T"]) -> Any:
-        """The step in s beyond which the method is unstable or cannot see the motion, in a run that saves at `ts`.
+    def longest_step(self, scheme, spin: Float[Array, ""]) -> Any:
+        """The step in s beyond which the method is unstable or cannot see the motion, which spins with at most `spin` rad/s
+        if it is driven.
 
         inf where no closed form says so: then only the motion itself shows it.
         """
-        del scheme, ts
+        del scheme, spin
         return jnp.inf
 
     def whole_step(self, scheme, table, t, h, y: PhasePoint) -> PhasePoint:

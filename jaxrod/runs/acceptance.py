@@ -21,10 +21,10 @@ MOST_STEPS = 2**30 - 1  # that are counted: two such numbers still have a sum
 _SEEN = 8  # save times at which a run is compared with another
 
 
-def summed(counts: Int[Array, " E"]) -> Int[Array, " E"]:
+def steps_so_far(counts: Int[Array, " E"]) -> Int[Array, " E"]:
     """Steps to each time in all, or `MOST_STEPS`."""
-    # In floats, which do not overflow, exact for 2^24 steps; an associative scan takes XLA minutes to compile.
-    return jnp.minimum(jnp.cumsum(counts.astype(float)), MOST_STEPS).astype(counts.dtype)
+    # Floats, which do not overflow, tell where integers would; an associative scan takes XLA minutes to compile.
+    return jnp.where(jnp.cumsum(counts.astype(float)) < MOST_STEPS, jnp.cumsum(counts), MOST_STEPS)
 
 
 def energy_lost(scene: DiscreteSystem, start: State, states: State, reached) -> Float[Array, ""]:
@@ -71,11 +71,12 @@ class Comparison(eqx.Module):
             return None
         parts = min(_SEEN, ts.size)
         whole = jnp.asarray(always) | (scales.strain > policy.hard) | _may_linger(scene, start, policy)
-        looked = whole | ((jnp.arange(parts) == 0) & (parts > 1))
         seen = np.unique(np.linspace(0, ts.size - 1, parts + 1)[1:].astype(int))
+        later = ts[seen] > t0
+        looked = whole | ((jnp.arange(parts) == jnp.argmax(later)) & (jnp.sum(later) > 1))
         halts = Stops.merged(t0, ts[seen], stops.inner)
         reached = seen if stops.inner is None else stops.last_until(halts.ends)
-        legs = jnp.diff(summed(steps)[reached], prepend=0)
+        legs = jnp.diff(steps_so_far(steps)[reached], prepend=0)
         fewer = jnp.where(legs == 1, 2, jnp.round(policy.fewer * legs).astype(legs.dtype))
         fewer = fewer * looked if stops.inner is None else fewer  # loads are looked at to the end
         route = Route(t0, halts.ends, fewer, fewer, halts.ends.size == 1)

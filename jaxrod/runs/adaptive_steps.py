@@ -14,7 +14,7 @@ from ..core.linear_algebra import mappable
 from ..core.result import Result
 from ..integrators.compensation import Tracked, Tracking
 from ..integrators.event_time import EventTime
-from ..integrators.reversal import ONCE, forward_refused, reversible
+from ..integrators.reversal import ONCE, as_far_as, forward_refused, reversible
 from ..integrators.symplectic import AbstractSymplectic, SplitTerm
 from ..mechanics.chart import AbstractChart
 from ..mechanics.equations import Condensed, DiscreteSystem, Moving, critical_square
@@ -100,7 +100,7 @@ def integrate(
     )
     saved = jnp.isfinite(raw.ts["run"]) & valid
     states = raw.ys["run"] if saveat is not None else coordinates.unpacked(t0, raw.ys["run"])
-    states = jax.tree.map(lambda x: jnp.where(saved.reshape((-1,) + (1,) * (x.ndim - 1)), x, jnp.nan), states)
+    states = as_far_as(saved, saved, states, (given, given_start, t0, t1, ts))
     stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
     stats |= {} if looked is None else {"unseen": looked.unseen}
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
@@ -108,7 +108,7 @@ def integrate(
     room = jnp.ones(3) if margin is None else margin(coordinates.decode(t_end, last))
     code = _result(raw, _finite(last), room, valid, event is not None)
     if scales is not None and _are_given(controller, dt0, n_steps):
-        most = _longest_step(scales, solver, coordinates.split, t0, t1)
+        most = _longest_step(scales, solver, coordinates.split)
         code = Result.where((code == Result.ok) & (stats["step"] > most * (1 + 1e-6)), Result.coarse, code)
     return Solution(
         ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
@@ -302,10 +302,10 @@ def _natural_rates(scales: Scales) -> tuple[Float[Array, ""], Float[Array, ""]]:
     return jnp.hypot(scales.slow, scales.axial[0]), jnp.hypot(scales.slow, scales.axial[-1])
 
 
-def _longest_step(scales: Scales, solver, split, t0, t1):
+def _longest_step(scales: Scales, solver, split):
     """Above it given steps are unstable or do not see the motion; an implicit method may mean to overlook it."""
     if split is not None:
-        return split.longest_step(solver, jnp.stack([t0, t1]))
+        return split.longest_step(solver, scales.spin)
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         return jnp.inf
     return jnp.pi / _natural_rates(scales)[1]

@@ -10,9 +10,9 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core.result import Result
-from ..integrators.fixed_step import COARSE, COLLAPSED, DIVERGED, NON_FINITE, Route, Walker, march
+from ..integrators.fixed_step import Route, Walker, march
 from ..integrators.multistep import AbstractMultistep
-from ..integrators.reversal import forward_refused
+from ..integrators.reversal import as_far_as, forward_refused
 from ..integrators.runge_kutta import Unrolled
 from ..integrators.splitting import AbstractStepper
 from ..integrators.symplectic import ABA864, AbstractSymplectic
@@ -24,7 +24,7 @@ from ..mechanics.system import System
 from ..motions.preview import Preview
 from ..motions.state import State
 from ..motions.stops import Stops
-from .acceptance import MOST_STEPS, Comparison, energy_lost, foreseen, summed
+from .acceptance import MOST_STEPS, Comparison, energy_lost, foreseen, steps_so_far
 from .scales import Scales
 from .solution import Solution
 from .step_policy import StepPolicy
@@ -86,9 +86,9 @@ def step_through(
     size = (ts[-1] - t0) / n_steps if n_steps is not None else step_size(scales, solver, tolerance, policy)
     counts = _counts(scales, t0, ends, size, None if n_steps is not None else tolerance, even, looked, policy)
     split = _stepped(system, scene, start, t0, solver)
-    longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, ends), t0.dtype))
+    longest = jax.lax.stop_gradient(jnp.asarray(split.longest_step(solver, scales.spin), t0.dtype))
     stable = jnp.max(jnp.diff(ends, prepend=t0) / jnp.maximum(counts, 1)) <= longest * (1 + 1e-6)
-    taken = jnp.where(stable, jnp.clip(max_steps - (summed(counts) - counts), 0, counts), 0)
+    taken = jnp.where(stable, jnp.clip(max_steps - (steps_so_far(counts) - counts), 0, counts), 0)
     enough = taken == counts
 
     comparison = None if n_steps is not None else Comparison.of(scene, start, scales, t0, ts, stops, taken, policy)
@@ -115,16 +115,10 @@ def step_through(
         (~valid, Result.invalid),
         # The default's own steps are too long only where there are more of them than can be counted.
         (~stable, Result.max_steps if n_steps is None else Result.coarse),
-        (last.stopped == NON_FINITE, Result.non_finite),
-        (last.stopped == COARSE, Result.coarse),
-        (last.stopped == DIVERGED, Result.diverged),
-        (last.stopped == COLLAPSED, Result.collapsed),
-        (~jnp.all(enough), Result.max_steps),
+        (last.stopped != Result.ok, last.stopped),
         (coarse, Result.coarse),
     )
-    # By a product: what was not reached has no derivative, and zero would be taken for one.
-    known = jnp.where(reached, 1.0, jnp.nan).astype(t0.dtype)
-    states = jax.tree.map(lambda x: x * known.reshape((-1,) + (1,) * (x.ndim - 1)), states)
+    states = as_far_as(reached, saved.stopped == Result.ok, states, (given, given_start, t0, given_ts))
     return Solution(
         ts=jnp.where(reached, jnp.where(last.stopped == 0, given_ts, last.t), jnp.nan) if end_only else given_ts,
         states=states,

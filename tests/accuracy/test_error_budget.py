@@ -10,6 +10,7 @@ import pytest
 from conftest import make_rod, scene
 
 import jaxrod
+from jaxrod.accuracy.error_budget import nudged
 from jaxrod.accuracy.ladder import on_rung
 from jaxrod.continuum import closed_forms
 
@@ -115,6 +116,19 @@ def test_beyond_the_horizon_there_is_no_bound(quantity):
     for t1 in (110.0, 150.0, 200.0):
         budget = run(t1, budget=quantity).budget
         assert np.isinf(budget.bound) and "beyond its horizon" in str(budget)
+
+
+@pytest.mark.parametrize("angle", np.arange(8) * np.pi / 4)
+@pytest.mark.parametrize("motion", [jaxrod.Rotation(), jaxrod.Spherical()], ids=repr)
+def test_a_start_beside_is_turned(motion, angle):
+    """From whatever direction, and in space within the plane of a swing as out of it."""
+    system = scene(motion)
+    start = system.state(angle=angle)
+    upwards = [-np.sin(angle), np.cos(angle)]
+    ways = [upwards] if motion.dimension == 2 else [[0.0, 1.0, 0.0], [upwards[0], 0.0, upwards[1]]]
+    moved = np.asarray(nudged(start, 1e-6).direction - start.direction)
+    for way in ways:
+        assert abs(abs(moved @ np.asarray(way)) - 1e-6) < 1e-9
 
 
 def test_own_quantities_and_lumped_bodies():

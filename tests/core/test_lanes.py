@@ -38,6 +38,32 @@ def test_values_and_derivatives(name):
         np.testing.assert_allclose(lanewise(f)(LANES[:, :1])[..., 0], expected[..., 0], rtol=1e-13, atol=1e-14)
 
 
+@jax.custom_jvp
+def _magnitude(x):
+    return jnp.abs(x)
+
+
+_magnitude.defjvp(lambda at, rates: (_magnitude(*at), 7.0 * rates[0]))
+
+
+@jax.custom_vjp
+def _damped(x):
+    return jnp.abs(x)
+
+
+_damped.defvjp(lambda x: (_damped(x), None), lambda _, bar: (5.0 * bar,))
+
+
+@pytest.mark.parametrize(("function", "slope"), [(_magnitude, 7.0), (_damped, 5.0)])
+def test_rules_of_derivatives_are_kept(function, slope):
+    """As where the derivative of a force is known better than by its operations."""
+    many = lanewise(lambda x: 2 * function(x))
+    np.testing.assert_allclose(many(LANES), 2 * jnp.abs(LANES))
+    np.testing.assert_allclose(jax.grad(lambda x: many(x).sum())(LANES), jnp.full_like(LANES, 2 * slope))
+    alike = jax.grad(lambda x: many(x).sum())(LANES[:, :1])
+    np.testing.assert_allclose(alike, jnp.full_like(alike, 2 * slope))
+
+
 def test_no_matrix_product_is_left():
     """A call of one would end the one compiled loop."""
     program = str(jax.make_jaxpr(lanewise(FUNCTIONS["matrices"]))(LANES))

@@ -326,6 +326,24 @@ def test_what_failed_has_no_derivative(scene):
     assert jnp.isfinite(slopes[0]) and jnp.isnan(slopes[1])
 
 
+@pytest.mark.parametrize("how", [{"solver": jaxrod.BlanesMoan6(), "n_steps": 1500}, {"dt0": 0.01}], ids=str)
+@pytest.mark.parametrize("forwards", [False, True])
+def test_what_was_reached_before_a_stop_has_its_derivative(scene, how, forwards):
+    """And what was not reached has none, by the start or by the rod."""
+    ts = jnp.array([0.1, 0.2, 5.0])
+    adjoint = {"adjoint": diffrax.ForwardMode()} if forwards else {}
+
+    def heights(numbers, **stops):
+        system = scene(young=1e7 * numbers[1], gravity=9.81)
+        sol = jaxrod.simulate(system, system.state(rate=numbers[0]), ts=ts, throw=False, **how, **stops, **adjoint)
+        return sol.states.direction[:, 1]
+
+    derivative, numbers = jax.jacfwd if forwards else jax.jacrev, jnp.array([10.0, 1.0])
+    found = derivative(lambda x: heights(x, max_steps=60))(numbers)
+    np.testing.assert_allclose(found[:2], derivative(heights)(numbers)[:2], rtol=1e-6)
+    assert jnp.isnan(found[2]).all()
+
+
 def test_solvers_whose_steps_nobody_counts(scene):
     system = scene(gravity=9.81)
     with pytest.raises(ValueError, match="n_steps="):

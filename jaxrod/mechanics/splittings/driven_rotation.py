@@ -1,7 +1,6 @@
 """Axial modes of a rod that is turned as prescribed."""
 
 import math
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -43,12 +42,10 @@ class DrivenRotationSplitting(AbstractModalSplitting):
     def inverse_stage(self, stage, known, t, h, y):
         return self._kick(t + stage.passed * h, -stage.kick * h, self._drift(back(known), -stage.drift * h, y))
 
-    def longest_step(self, scheme, ts):
+    def longest_step(self, scheme, spin):
         # Exact oscillators are always stable, but gravity and a drive that turn further in a step are not seen.
         del scheme
-        motion: Any = self.scene.motion
-        fastest = jnp.max(jnp.abs(jax.vmap(lambda t: motion.turning(t)[1])(ts)))
-        return jnp.minimum(math.pi / self.modes.rates[0], LONGEST_TURN / jnp.maximum(fastest, 1e-30))
+        return jnp.minimum(math.pi / self.modes.rates[0], LONGEST_TURN / jnp.maximum(spin, 1e-30))
 
     def _drift(self, circle, t, y: PhasePoint):
         (versine, sin), x, p = self._turned(circle, t), y.strain, y.strain_momentum

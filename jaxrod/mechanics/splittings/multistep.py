@@ -70,8 +70,8 @@ class MultistepStepper(AbstractStepper):
         q = y.q + ahead
         return Past(q, (ahead, *y.differences[:-1]), (self.flat.force(t + h, q), *y.accelerations[:-1]))
 
-    def longest_step(self, scheme: AbstractMultistep, ts):
-        del ts
+    def longest_step(self, scheme: AbstractMultistep, spin):
+        del spin
         return scheme.stable_phase / jnp.sqrt(self.flat.lean.body.stiffness_matrix[0, 0])
 
     def lowest_strain(self, phases):

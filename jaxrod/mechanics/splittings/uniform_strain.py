@@ -62,8 +62,8 @@ class UniformStrainSplitting(AbstractSplitting):
     def leave(self, scheme, table, t, h, y):
         return self.enter(scheme, table, t, -h, y)
 
-    def longest_step(self, scheme, ts):
-        del ts
+    def longest_step(self, scheme, spin):
+        del spin
         return scheme.stable_phase / jnp.sqrt(self.lean.body.stiffness_matrix[0, 0])
 
     def force(self, t, q: Float[Array, "D lanes"]) -> Float[Array, "D lanes"]:

@@ -43,9 +43,9 @@ class UnsplitStepper(AbstractStepper):
     def _rate(self, t, y: PhasePoint) -> PhasePoint:
         return PhasePoint(y.p, lanewise(_acceleration)(self.equations, t, y.q, y.p))
 
-    def longest_step(self, scheme, ts):
+    def longest_step(self, scheme, spin):
         # Two steps a period at least: no explicit method follows a vibration that it does not see.
-        del scheme, ts
+        del scheme, spin
         body = self.equations.scene.body
         if isinstance(self.equations, Condensed) or not body.stiffness_matrix.size:
             return jnp.inf
