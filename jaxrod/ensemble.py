@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, ArrayLike, PyTree
 from tqdm import tqdm
 
 from . import configuration
@@ -32,7 +32,7 @@ def sweep(
     inputs: PyTree[Array],
     *,
     block: int = 64,
-    order_by: Any = None,
+    order_by: ArrayLike | Callable[[PyTree[Array]], Array] | None = None,
     devices: int | None = None,
     progress: bool | None = None,
 ) -> PyTree[Array]:

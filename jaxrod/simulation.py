@@ -27,6 +27,7 @@ from .accuracy.quantity import AbstractQuantity, as_quantity
 from .accuracy.run_plan import Plan
 from .core import tracing, units, validation
 from .core.result import SimulationError
+from .core.units import Number, Row
 from .integrators.multistep import AbstractMultistep
 from .mechanics.chart import AbstractChart
 from .mechanics.lagrangian import Lagrangian
@@ -35,7 +36,7 @@ from .motions.state import State
 from .rods import plausibility
 from .rods.rod import Rod
 from .runs import arguments
-from .runs.execution import Request, execute, solve
+from .runs.execution import Request, Reversible, execute, solve
 from .runs.solution import Solution
 
 
@@ -43,18 +44,18 @@ def simulate(
     system: System | Lagrangian,
     start: State | tuple[Array, Array],
     *,
-    ts: Any = None,
-    t1: Any = None,
-    t0: Any = 0.0,
-    tolerance: Any = None,
+    ts: Row | None = None,
+    t1: Number | None = None,
+    t0: Number = 0.0,
+    tolerance: Number | None = None,
     chart: AbstractChart | None = None,
     solver: diffrax.AbstractSolver | AbstractMultistep | None = None,
     stepsize_controller: diffrax.AbstractStepSizeController | None = None,
-    dt0: Any = None,
-    n_steps: Any = None,
+    dt0: Number | None = None,
+    n_steps: Number | None = None,
     saveat: diffrax.SaveAt | None = None,
     event: diffrax.Event | None = None,
-    adjoint: diffrax.AbstractAdjoint | None = None,
+    adjoint: diffrax.AbstractAdjoint | Reversible | None = None,
     progress_meter: diffrax.AbstractProgressMeter | None = None,
     max_steps: int = 2**20,
     plan: Plan | None = None,
@@ -98,17 +99,13 @@ def simulate(
     [0.099  0.0967]
     """
     in_s = {"ts": ts, "t1": t1, "t0": t0, "dt0": dt0}
-    asked = {
-        **{name: units.in_unit(name, time, "s") for name, time in in_s.items()},
+    asked = {name: units.in_unit(name, time, "s") for name, time in in_s.items()} | {
         "tolerance": tolerance, "chart": chart, "solver": solver, "n_steps": n_steps,
         "stepsize_controller": stepsize_controller, "saveat": saveat, "event": event, "adjoint": adjoint,
         "progress_meter": progress_meter, "max_steps": max_steps,
     }  # fmt: skip
     validation.switch("throw", throw)
-    if isinstance(tolerance, Plan):
-        warnings.warn("simulate(tolerance=plan) is written simulate(plan=plan) now.", FutureWarning, stacklevel=2)
-        plan, asked["tolerance"] = (tolerance, None) if plan is None else (plan, tolerance)
-    if plan is not None:
+    if plan is not None or isinstance(tolerance, Plan):
         system, start, asked = _planned(plan, system, start, asked)
     request = Request.checked(system, start, **asked)
     quantities = _quantities(budget, request.system)
@@ -127,6 +124,9 @@ def simulate(
 
 def _planned(plan: Any, system: Any, start: Any, asked: dict[str, Any]) -> tuple[System, State, dict[str, Any]]:
     """The scene on a plan's rung, its start, and what is asked of its run."""
+    if isinstance(asked["tolerance"], Plan):
+        warnings.warn("simulate(tolerance=plan) is written simulate(plan=plan) now.", FutureWarning, stacklevel=3)
+        plan, asked["tolerance"] = (asked["tolerance"], None) if plan is None else (plan, asked["tolerance"])
     if not isinstance(plan, Plan):
         raise ValueError(f"plan={validation.given(plan)} is no plan; give what jaxrod.plan has found.")
     own = ("tolerance", "solver", "n_steps", "stepsize_controller", "dt0", "chart")

@@ -13,8 +13,8 @@
 
 import dataclasses
 import math
-from collections.abc import Iterator
-from typing import Any, NamedTuple
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -27,6 +27,7 @@ from ..motions.state import State
 from ..rods.lumped import Lumped
 from ..runs import arguments
 from ..runs.defaults import by_equal_steps
+from ..runs.scales import Scales
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
 from .error_budget import NUDGE, nudged, parted
@@ -64,7 +65,7 @@ def plan(
     *,
     t1: float,
     tolerance: float,
-    quantity: Any = None,
+    quantity: AbstractQuantity | Callable | None = None,
     t0: float = 0.0,
     static: bool = False,
 ) -> Plan:
@@ -216,12 +217,12 @@ class _Search:
         if self.static or not isinstance(self.question.quantity, FinalAngle | FinalTip):
             return 0.0, 0.0
         system, start = self.system, self.start
-        swing = 0.0 if system.motion.prescribed else float(system.discrete.fastest_swing)
-        turning = math.sqrt(float(start.direction_rate @ start.direction_rate) + swing / 2)
+        t0, t1 = (jnp.asarray(t, float) for t in (self.question.t0, self.question.ts[-1]))
+        turning = float(Scales.of(system.discrete, start, t0, t1).mean)
         delta = (
             turning / (2 * math.pi * float(continuum.natural_frequencies(dataclasses.replace(system, forces=()), 1)[0]))
         ) ** 2
-        angle = turning * float(self.question.ts[-1] - self.question.t0)
+        angle = turning * float(t1 - t0)
         arm = float(system.rod.length) if isinstance(self.question.quantity, FinalTip) else 1.0
         return arm * 2 * delta * angle, arm * (1.5 * delta**2 * angle + 2 * delta**1.5)
 

@@ -1,7 +1,7 @@
 """Speed for accuracy, measured on the scene at hand: rungs, solvers, steps and float types, each with its error and cost."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import diffrax
@@ -22,7 +22,7 @@ from ..runs.execution import solve
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
 from .ladder import brought, condensable, padded, richer, rung
-from .quantity import as_quantity
+from .quantity import AbstractQuantity, as_quantity
 from .reference import exact_answer
 from .run_plan import named
 
@@ -100,7 +100,7 @@ def tradeoff(
     start: State,
     *,
     t1: float,
-    quantity: Any = None,
+    quantity: AbstractQuantity | Callable | None = None,
     t0: float = 0.0,
     static: bool = False,
     seconds: float = 60.0,

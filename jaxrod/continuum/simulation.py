@@ -49,7 +49,7 @@ _WATCHED, _WATCHES = 32, 1000  # sections, and times between those that are save
 
 def simulate(
     system: Any, start: State, *, ts: Row, t0: Number = 0.0, static: bool = False, modes: int = 64,
-    tolerance: Any = 1e-12, error: bool = True, adjoint: diffrax.AbstractAdjoint | None = None,
+    tolerance: Number = 1e-12, error: bool = True, adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> ContinuumSolution:  # fmt: skip
     """Motion of the exact rod from `start` at time `t0`: director and longitudinal waves u(s, t), fully coupled.
 
@@ -91,10 +91,8 @@ def simulate(
     [0.7135833 1.4042295] [-0.00118  -0.001781] True
     """
     rod, pivot, _ = support(system)
-    _check(system, start, modes, static)
-    validation.switch("error", error)
-    modes = int(modes)
-    dtype = precision.float_type(system, start)
+    _check(system, start, modes, static, error, adjoint)
+    modes, dtype = int(modes), precision.float_type(system, start)
     if dtype != jnp.float64:
         raise ValueError(
             f"system and start are {dtype}; the exact rod needs float64: {precision.remedy(system, start)}."
@@ -103,32 +101,31 @@ def simulate(
     if validation.fails(lambda x: x >= _LEAST, tolerance):
         raise ValueError(f"tolerance={validation.shown(tolerance)} is beyond float64; take {_LEAST:g} or more.")
     t0 = jnp.asarray(validation.number("t0", t0, unit="s"), dtype)
-    ts = jnp.asarray(validation.numbers("ts", ts, "times in s", "s"), dtype)
-    if validation.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, ts, t0):
+    saved = jnp.asarray(validation.numbers("ts", ts, "times in s", "s"), dtype)
+    if validation.fails(lambda ts, t0: (np.diff(ts) > 0).all() and ts[0] >= t0 and ts[-1] > t0, saved, t0):
         raise ValueError(
-            f"ts={validation.shown(ts)} must increase from t0={validation.shown(t0)} on; sort it and drop doubles."
+            f"ts={validation.shown(saved)} must increase from t0={validation.shown(t0)} on; sort it and drop doubles."
         )
-    if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint):
-        raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
     backwards = diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint
     system, start = precision.in_type(dtype, (system, start))
     order = order_for(rod, pivot, modes)
     forwards = isinstance(adjoint, diffrax.ForwardMode)
     if not forwards:
-        system, start, t0, ts = reversible((system, start, t0, ts), 1, _ONCE)
-    saved: Any = ts
+        system, start, t0, saved = reversible((system, start, t0, saved), 1, _ONCE)
     knots, unknown = known_knots(system, None, t0, saved[-1])
     with forward_refused(_FORWARD):
-        solution, beyond, unseen = _run(system, start, t0, ts, static, modes, tolerance, error, order, backwards, knots)
+        solution, beyond, unseen = _run(
+            system, start, t0, saved, static, modes, tolerance, error, order, backwards, knots
+        )
     if validation.fails(lambda unseen: ~unseen, unseen):
         warnings.warn(Result.unseen.sentence, stacklevel=2)
     lost = (False if tracing.known(unseen) else unseen) | (False if unknown is None else unknown)
     solution = dataclasses.replace(solution, ended=solution.ended & jnp.logical_not(lost))
     solution = reversible(solution, 0, _BACKWARD) if forwards else solution
     if static and validation.fails(lambda x: x < 0, beyond):
+        critical = f"{float(solution.waves.omega[0]):.6g} rad/s, where no strain holds the rod"
         raise ValueError(
-            f"static=True: the start turns at or beyond the critical rate of {float(solution.waves.omega[0]):.6g} rad/s, where "
-            "no strain holds the rod; start it slower, or leave out static=."
+            f"static=True: the start turns at or beyond the critical rate of {critical}; start it slower, or leave out static=."
         )
     return solution
 
@@ -184,13 +181,16 @@ def converged(
     return solution
 
 
-def _check(system: Any, start: State, modes: int, static: bool) -> None:
+def _check(system: Any, start: State, modes: int, static: bool, error: bool, adjoint: Any) -> None:
     validation.switch("static", static)
+    validation.switch("error", error)
     validation.count("modes", modes, 2, "modes")
     why = untaken(system, static)
     if why:
         raise ValueError(why)
     check_start(system.motion, system.basis.n, start)
+    if adjoint is not None and not isinstance(adjoint, diffrax.AbstractAdjoint):
+        raise ValueError(f"adjoint={adjoint!r} is no adjoint; give an instance, such as diffrax.ForwardMode().")
 
 
 def untaken(system: Any, static: bool) -> str:

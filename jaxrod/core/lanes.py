@@ -153,5 +153,5 @@ def _folded(x, many: bool, size: int, lanes: int) -> Array:
     return x.reshape(*x.shape[:-2], size * lanes)
 
 
-def _is_float(x) -> bool:
+def _is_float(x: Array) -> bool:
     return jnp.issubdtype(x.dtype, jnp.inexact)

@@ -17,6 +17,7 @@ from ..core.units import Number, Row
 from . import least_squares
 from .least_squares import BLIND, Parameters, Residuals
 
+_TOO_LARGE = "the model or sigma is wrong, or another start leads lower"
 _UNBEARABLE = 1e-6  # probability of a chi^2 as large as this below which model or sigma is wrong
 
 
@@ -116,9 +117,8 @@ def fit(
     data, sigma = _measured(data, sigma)
     parameters = _parameters(start, data.dtype)
     method, name = least_squares.method(solver, data.dtype)
-    if max_steps is None:
-        max_steps = 10_000 if isinstance(method, optx.AbstractMinimiser) else 256
-    max_steps = validation.count("max_steps", max_steps, 1, "steps")
+    most = 10_000 if isinstance(method, optx.AbstractMinimiser) else 256
+    max_steps = most if max_steps is None else validation.count("max_steps", max_steps, 1, "steps")
     dtype = _check(model, data, parameters)
 
     residuals = Residuals(tracing.carried(model), data, sigma, parameters)
@@ -128,36 +128,37 @@ def fit(
     found = least_squares.minimised(residuals, first, dtype, method, max_steps)
     freedom, chi_square = data.size - found.told.rank, found.point.chi_square
     p_value = float(jax.scipy.special.gammaincc(freedom / 2, chi_square / 2)) if freedom else math.nan
-    unidentified = tuple(_combination(direction, parameters.names) for direction in found.told.open)
-    doubts = []
-    if found.doubt:
-        remedy = "raise max_steps or start nearer" if found.steps >= max_steps else "start elsewhere"
-        doubts.append(f"{name} did not converge in {found.steps} steps: {found.doubt}; {remedy}.")
-    elif p_value < _UNBEARABLE or (not freedom and chi_square > 1):
-        doubts.append(
-            f"chi^2 is {chi_square:.4g} for {_counted(freedom)}: the model or sigma is wrong, or another start leads lower."
-        )
     values, spread = found.parameters.values, jnp.asarray(found.told.spread, data.dtype)
+    scaled = zip(spread, values, parameters.positive, strict=True)
     result = Fit(
         parameters=parameters.shaped(values),
-        standard_errors=parameters.shaped(
-            x * value if positive else x for x, value, positive in zip(spread, values, parameters.positive, strict=True)
-        ),
+        standard_errors=parameters.shaped(x * value if positive else x for x, value, positive in scaled),
         residuals=jnp.asarray(found.point.r, data.dtype),
         chi_square=jnp.asarray(chi_square, data.dtype),
         degrees_of_freedom=freedom,
         p_value=p_value,
-        unidentified=unidentified,
-        doubts=tuple(doubts),
+        unidentified=tuple(_combination(direction, parameters.names) for direction in found.told.open),
+        doubts=_doubts(found, name, max_steps, freedom, p_value),
         converged=not found.doubt,
         steps=found.steps,
         method=name,
     )
-    if unidentified and result.converged:
-        warnings.warn(f"the data do not tell {'; '.join(unidentified)}.", stacklevel=2)
-    for doubt in doubts:
+    if result.unidentified and result.converged:
+        warnings.warn(f"the data do not tell {'; '.join(result.unidentified)}.", stacklevel=2)
+    for doubt in result.doubts:
         warnings.warn(doubt, stacklevel=2)
     return result
+
+
+def _doubts(found: Any, name: str, max_steps: int, freedom: int, p_value: float) -> tuple[str, ...]:
+    """A sentence for each reason not to trust what was `least_squares.minimised`."""
+    chi_square = found.point.chi_square
+    if found.doubt:
+        remedy = "raise max_steps or start nearer" if found.steps >= max_steps else "start elsewhere"
+        return (f"{name} did not converge in {found.steps} steps: {found.doubt}; {remedy}.",)
+    if p_value < _UNBEARABLE or (not freedom and chi_square > 1):
+        return (f"chi^2 is {chi_square:.4g} for {_counted(freedom)}: {_TOO_LARGE}.",)
+    return ()
 
 
 def _measured(data: Any, sigma: Any) -> tuple[Array, Array]:

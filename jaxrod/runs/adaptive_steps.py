@@ -62,8 +62,7 @@ def integrate(
     """
     if isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint):
         system, start, t0, t1, ts = reversible((system, start, t0, t1, ts), 1, ONCE)
-    given, given_start, valid = system, start, t1 > t0
-    given_ts: Any = ts
+    given, given_start, given_ts, valid = system, start, ts, t1 > t0
     if ts is not None:
         valid = valid & jnp.all(jnp.diff(ts) > 0) & (ts[0] >= t0)
         ts = jnp.where(valid, ts, t0 + 1 + jnp.arange(ts.size, dtype=ts.dtype))
@@ -80,7 +79,7 @@ def integrate(
         scales = Scales.of(scene, start, t0, t1, looked)
     coordinates = _Coordinates.of(system, scene, start, t0, chart, solver)
     margin = _Margin.of(system, scene) if isinstance(system, System) and system.basis.n else None
-    adapt = (t1[None] if ts is None else ts, knots, looked, atol, longest)
+    adapt = (ts is not None, t1[None] if ts is None else ts, knots, looked, atol, longest)
     raw: Any = diffrax.diffeqsolve(
         coordinates.terms,
         Tracking(mappable(solver)),
@@ -89,9 +88,7 @@ def integrate(
         dt0,
         coordinates.y0,
         saveat=_saveat(saveat, ts, coordinates),
-        stepsize_controller=_steps(
-            scene, scales, coordinates.y0, t0, t1, controller, dt0, n_steps, ts is not None, *adapt
-        ),
+        stepsize_controller=_steps(scene, scales, coordinates.y0, t0, t1, controller, dt0, n_steps, *adapt),
         adjoint=adjoint,
         event=_events(event and _begun(event, system, scene, start, chart, t0, t1), coordinates, margin),
         max_steps=max_steps,
@@ -101,17 +98,15 @@ def integrate(
     saved = jnp.isfinite(raw.ts["run"]) & valid
     states = raw.ys["run"] if saveat is not None else coordinates.unpacked(t0, raw.ys["run"])
     states = as_far_as(saved, saved, states, (given, given_start, t0, t1, ts))
-    stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
-    stats |= {} if looked is None else {"unseen": looked.unseen}
     last, t_end = jax.tree.map(lambda y: y[-1], (raw.ys["end"], raw.ts["end"]))
-    stats |= {"t_end": t_end, "step": (t_end - t0) / jnp.maximum(stats["num_accepted_steps"], 1)}
+    stats = _stats(raw, t_end - t0, looked) | {"t_end": t_end}
     room = jnp.ones(3) if margin is None else margin(coordinates.decode(t_end, last))
     code = _result(raw, _finite(last), room, valid, event is not None)
     if scales is not None and _are_given(controller, dt0, n_steps):
         most = _longest_step(scales, solver, coordinates.split)
         code = Result.where((code == Result.ok) & (stats["step"] > most * (1 + 1e-6)), Result.coarse, code)
     return Solution(
-        ts=jnp.where(saved, raw.ts["run"], jnp.nan) if ts is None else given_ts,
+        ts=jnp.where(saved, raw.ts["run"], jnp.nan) if given_ts is None else given_ts,
         states=states,
         result=code,
         stats=stats,
@@ -120,6 +115,12 @@ def integrate(
         method=", ".join(type(x).__name__ for x in (solver, coordinates.split or chart) if x is not None),
         event=None if event is None else _which(raw.event_mask["user"]),
     )
+
+
+def _stats(raw: Any, duration, looked: Preview | None) -> dict[str, Any]:
+    stats = {name: raw.stats[name] for name in ("num_steps", "num_accepted_steps", "num_rejected_steps")}
+    stats |= {"step": duration / jnp.maximum(stats["num_accepted_steps"], 1)}
+    return stats if looked is None else stats | {"unseen": looked.unseen}
 
 
 class _Coordinates(NamedTuple):

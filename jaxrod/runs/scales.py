@@ -53,6 +53,11 @@ class Scales(eqx.Module):
         return jnp.sqrt(self.spin**2 + self.swing**2 + self.least**2)
 
     @property
+    def mean(self) -> Float[Array, ""]:
+        """How fast it turns on average, in rad/s, where it turns about; of no account how long it runs."""
+        return jnp.sqrt(self.spin**2 + self.swing**2 / 2)
+
+    @property
     def slow(self) -> Float[Array, ""]:
         """The rate of spin and small swings, by which velocities are measured, in rad/s."""
         return jnp.sqrt(self.spin**2 + self.swing**2 / 4 + self.least**2)

@@ -136,6 +136,52 @@ class AbstractShapes(AbstractBasis):
             )
 
 
+class AbstractNodalShapes(AbstractShapes):
+    """Shapes that are made at the points of panels, and known elsewhere with these."""
+
+    @property
+    def uniform(self):
+        return False
+
+    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
+        panels = self._panels(rod, pivot)
+        return self._strains(rod, panels, pivot, free, s)[:, panels.s.size :]
+
+    def nodal(self, rod: Any, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
+        return self._strains(rod, panels, pivot, free, panels.s[:0])
+
+    @abc.abstractmethod
+    def _strains(self, rod: Rod, panels: Panels, pivot, free: bool, s) -> Float[Array, "n nodes_points"]:
+        """At the points of the panels, then at s."""
+
+
+class AbstractShapesOf(AbstractBasis):
+    """The shapes of another `basis`, with something of one's own about them."""
+
+    basis: eqx.AbstractVar[AbstractBasis]
+
+    @property
+    def n(self):
+        return self.basis.n
+
+    @property
+    def uniform(self):
+        return self.basis.uniform
+
+    @property
+    def by_piece(self):
+        return self.basis.by_piece
+
+    def misfit(self, rod: Any):
+        return self.basis.misfit(rod)
+
+    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
+        return self.basis.strains(rod, s, pivot, free)
+
+    def nodal(self, rod: Any, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
+        return self.basis.nodal(rod, panels, pivot, free)
+
+
 class Ritz(AbstractShapes):
     """Strain by n shapes, Legendre polynomials on each piece of the rod between its breaks and the pivot.
 
@@ -171,7 +217,7 @@ class Ritz(AbstractShapes):
         return _by_degree(self.n, ends, pieces, s, shapes, lambda t, count: legendre(count, t)[1:])
 
 
-class ForceRitz(AbstractShapes):
+class ForceRitz(AbstractNodalShapes):
     """Axial force by n polynomial shapes, the strain is force over E A: right for strong taper and for steps.
 
     `ForceRitz(1)` is a constant force: the stiffness (12), (14) of the paper, with the inertia that belongs to it.  The
@@ -190,10 +236,6 @@ class ForceRitz(AbstractShapes):
     [0.]
     """
 
-    @property
-    def uniform(self):
-        return False
-
     def misfit(self, rod: Any):
         if not self.n or isinstance(rod, Lumped) or not validation.fails(np.logical_not, _pointed(rod)):
             return ""
@@ -206,16 +248,8 @@ class ForceRitz(AbstractShapes):
     def by_piece(self):
         return self.n > 2
 
-    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
-        panels = self._panels(rod, pivot)
-        return self._strains(rod, panels, pivot, s)[:, panels.s.size :]
-
-    def nodal(self, rod: Any, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
+    def _strains(self, rod: Rod, panels: Panels, pivot, free: bool, s):
         del free
-        return self._strains(rod, panels, pivot, panels.s[:0])
-
-    def _strains(self, rod: Rod, panels: Panels, pivot, s) -> Float[Array, "n nodes_points"]:
-        """At the points of the panels, then at s."""
         points = jnp.concatenate([panels.s, s])
         if self.n == 0:
             return jnp.zeros((0, points.size), points.dtype)
@@ -242,7 +276,7 @@ class ForceRitz(AbstractShapes):
         return jnp.where(_pointed(rod), jnp.nan, shapes / mean[:, None])
 
 
-class QuasiStatic(AbstractBasis):
+class QuasiStatic(AbstractShapesOf):
     """Static condensation: the strain of another basis follows the motion at once, without inertia of its own.
 
     The right model where the strain has settled: slow motion, stiff rods, long runs.  No axial vibration is left, and
@@ -269,27 +303,6 @@ class QuasiStatic(AbstractBasis):
                 f"QuasiStatic(basis={validation.given(basis)}) has no strain to condense; give a basis such as Ritz(3)."
             )
         self.basis = basis
-
-    @property
-    def n(self):
-        return self.basis.n
-
-    @property
-    def uniform(self):
-        return self.basis.uniform
-
-    @property
-    def by_piece(self):
-        return self.basis.by_piece
-
-    def misfit(self, rod: Any):
-        return self.basis.misfit(rod)
-
-    def strains(self, rod: Any, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
-        return self.basis.strains(rod, s, pivot, free)
-
-    def nodal(self, rod: Any, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
-        return self.basis.nodal(rod, panels, pivot, free)
 
 
 @tracing.at_once

@@ -6,12 +6,12 @@ from jaxtyping import Float
 
 from ..core.quadrature import Panels
 from ..rods.rod import Rod
-from .basis import AbstractShapes, lumped_mass, orthonormal, until
+from .basis import AbstractNodalShapes, lumped_mass, orthonormal, until
 
 _NOTHING = 1e8  # energies of a shape, after over before it was made orthogonal, in squares of rounding
 
 
-class LoadRitz(AbstractShapes):
+class LoadRitz(AbstractNodalShapes):
     """Strain by n load-dependent Ritz vectors (Wilson, Yuan, Dickens 1982): each the static answer to the one before.
 
     The first is how the rod stretches under a load like that of a spin, rho A x (1 - x^2 / 3 length^2); the next how it
@@ -32,21 +32,7 @@ class LoadRitz(AbstractShapes):
     0.00000 %
     """
 
-    @property
-    def uniform(self):
-        return False
-
-    def strains(
-        self, rod: Rod, s: Float[jax.Array, " points"], pivot: Float[jax.Array, ""] | None = None, free: bool = False
-    ):
-        panels = self._panels(rod, pivot)
-        return self._strains(rod, panels, pivot, free, s)[:, panels.s.size :]
-
-    def nodal(self, rod: Rod, panels: Panels, pivot: Float[jax.Array, ""] | None, free: bool):
-        return self._strains(rod, panels, pivot, free, panels.s[:0])
-
-    def _strains(self, rod: Rod, panels: Panels, pivot, free: bool, s) -> Float[jax.Array, "n nodes_points"]:
-        """At the points of the panels, then at s."""
+    def _strains(self, rod: Rod, panels: Panels, pivot, free: bool, s):
         nodes, points = panels.s.size, jnp.concatenate([panels.s, s])
         if self.n == 0:
             return jnp.zeros((0, points.size), points.dtype)

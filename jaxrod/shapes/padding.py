@@ -10,11 +10,11 @@ from jaxtyping import Array, Float, Int
 from ..core.quadrature import Panels
 from ..rods.lumped import Lumped
 from ..rods.rod import Rod
-from .basis import AbstractBasis
+from .basis import AbstractBasis, AbstractShapesOf
 from .projection import Projection
 
 
-class FirstShapes(AbstractBasis):
+class FirstShapes(AbstractShapesOf):
     """The first `kept` shapes of a `basis` that contains its smaller ones, in arrays of all n of them.
 
     The others carry no load and are coupled with nothing: at rest they stay at rest.  They vibrate as fast as the stiffest that
@@ -28,25 +28,14 @@ class FirstShapes(AbstractBasis):
         self.basis, self.kept = basis, jnp.asarray(kept, jnp.int32)
 
     @property
-    def n(self):
-        return self.basis.n
-
-    @property
     def uniform(self):
         return False
 
-    @property
-    def by_piece(self):
-        return self.basis.by_piece
-
-    def misfit(self, rod: Any):
-        return self.basis.misfit(rod)
-
     def strains(self, rod: Rod, s: Float[Array, " points"], pivot: Float[Array, ""] | None = None, free: bool = False):
-        return jnp.where(self._known[:, None], self.basis.strains(rod, s, pivot, free), 0.0)
+        return jnp.where(self._known[:, None], super().strains(rod, s, pivot, free), 0.0)
 
     def nodal(self, rod: Rod, panels: Panels, pivot: Float[Array, ""] | None, free: bool):
-        return jnp.where(self._known[:, None], self.basis.nodal(rod, panels, pivot, free), 0.0)
+        return jnp.where(self._known[:, None], super().nodal(rod, panels, pivot, free), 0.0)
 
     def project(self, rod: Rod | Lumped, pivot: Float[Array, ""] | None = None, free: bool = False) -> Projection:
         body, known = super().project(rod, pivot, free), self._known
