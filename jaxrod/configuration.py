@@ -15,7 +15,13 @@ _WHOLE_LOOPS = f"xla_cpu_small_while_loop_byte_threshold={1 << 21}"
 _SHARED_KERNELS = "xla_cpu_use_multi_output_fusion=true"
 
 
-def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "default", devices: int | None = None) -> str:
+def configure(
+    *,
+    x64: bool = True,
+    cache: str | os.PathLike[str] | None = "default",
+    devices: int | None = None,
+    progress: bool | None = None,
+) -> str:
     """Sets JAX up for this library and says what it did.  Call it once, before anything else touches JAX.
 
     **Arguments:**
@@ -24,6 +30,8 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
     - `cache`: folder for compiled programs, so that a second process starts at once; "default" is
       `$JAXROD_CACHE`, else `~/.cache/jaxrod`; None keeps none.
     - `devices`: how many CPU devices JAX shows, which `sweep` works on; one for each core, if left out.
+    - `progress`: whether what takes longer than two seconds shows a line of what it does; if left out, `$JAXROD_PROGRESS` (1 or
+      0), else on a terminal and in a notebook alone.
 
     **Returns:** a sentence that says what is set.
 
@@ -48,9 +56,11 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
         raise ValueError(f"cache={cache!r} must be a folder, or None for none.")
     if devices is not None and (isinstance(devices, bool) or not isinstance(devices, int) or devices < 1):
         raise ValueError(f"devices={devices!r} must be a positive whole number, or None for one a core.")
-    asked = {"x64": x64, "cache": cache, "devices": devices}
+    if not (progress is None or isinstance(progress, bool)):
+        raise ValueError(f"progress={progress!r} must be True, False, or None for a terminal or a notebook alone.")
+    asked = {"x64": x64, "cache": cache, "devices": devices, "progress": progress}
     if _done:
-        if asked not in (_done[0][1], {"x64": True, "cache": "default", "devices": None}):
+        if asked not in (_done[0][1], {"x64": True, "cache": "default", "devices": None, "progress": None}):
             warnings.warn(f"configure() was called before, and stays: {_done[0][0]}.", stacklevel=2)
         return _done[0][0]
     if "cpu" not in os.environ.get("JAX_PLATFORMS", "cpu").lower():
@@ -94,6 +104,13 @@ def configure(*, x64: bool = True, cache: str | os.PathLike[str] | None = "defau
         said.append("equinox was imported before: its runtime checks stay on, which keeps programs out of the cache")
     _done.append(("jaxrod: " + ", ".join(said), asked))
     return _done[0][0]
+
+
+def progress() -> bool | None:
+    """What `configure` was told of progress, else what `$JAXROD_PROGRESS` says; None if neither does."""
+    told = _done[0][1]["progress"] if _done else None
+    said = os.environ.get("JAXROD_PROGRESS", "")
+    return said != "0" if told is None and said else told
 
 
 def was_called() -> bool:

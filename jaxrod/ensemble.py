@@ -5,6 +5,7 @@ the number of scenes, so that a scene is computed by the same instructions where
 within a call, and calls go to all devices at once (`configure` shows JAX one device a core).
 """
 
+import contextlib
 import math
 import warnings
 from collections.abc import Callable
@@ -20,6 +21,7 @@ from tqdm import tqdm
 
 from . import configuration
 from .core import calling, tracing, validation
+from .core.progress import line, wanted
 from .core.result import Result
 
 _LANES = 64  # of every program: eight of the widest registers, which is what hides their latency
@@ -46,7 +48,7 @@ def sweep(
       scene, and a short one as long as a full one.
     - `order_by`: predicted cost of each scene, an array or a function of one input; those of like cost share a block.
     - `devices`: how many of JAX's devices to use; all, if left out.
-    - `progress`: a bar with rate and remaining time; if left out, on a terminal and for sweeps of more than two seconds.
+    - `progress`: a bar with rate and remaining time; if left out, on a terminal or in a notebook, after two seconds.
 
     **Returns:** the answers of `fn`, each of shape (scenes, ...), in the order of `inputs`.
 
@@ -87,13 +89,14 @@ def sweep(
     spread = NamedSharding(mesh, PartitionSpec("cores"))
     block, out = min(block, _LANES), None
     size = workers * _BLOCKS * block
-    with tqdm(total=scenes, unit=" scenes", delay=2, disable=None if progress is None else not progress) as bar:
+    with tqdm(total=scenes, unit=" scenes", delay=2, disable=not wanted(progress)) as bar:
         for begin in range(0, scenes, size):
             picked = order[begin : begin + size]
             lanes, counts, places = _dealt(picked.size, block, workers, mesh.size)
             part = jax.tree.map(lambda x, at=picked[lanes]: x[at], inputs)
             part, counts = jax.device_put((part, counts), spread)
-            answers = _call(fn, part, counts, mesh)
+            with line("sweep: compiling, and the first scenes", progress) if out is None else contextlib.nullcontext():
+                answers = jax.block_until_ready(_call(fn, part, counts, mesh))
             if out is None:
                 out = jax.tree.map(lambda x: np.empty((scenes, *x.shape[1:]), x.dtype), answers)
             jax.tree.map(lambda x, answer, at=picked, of=places: _store(x, at, answer, of), out, answers)

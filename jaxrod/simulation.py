@@ -25,7 +25,7 @@ from jaxtyping import Array
 from .accuracy.error_budget import budgets
 from .accuracy.quantity import AbstractQuantity, as_quantity
 from .accuracy.run_plan import Plan
-from .core import tracing, units, validation
+from .core import progress, tracing, units, validation
 from .core.result import SimulationError
 from .core.units import Number, Row
 from .integrators.multistep import AbstractMultistep
@@ -110,14 +110,16 @@ def simulate(
     request = Request.checked(system, start, **asked)
     quantities = _quantities(budget, request.system)
 
-    solution = execute(request)
+    with progress.line("simulate"):
+        solution = execute(request)
 
     if throw and tracing.known(solution.stats["num_steps"]) and validation.fails(lambda ok: ok, solution.ok):
         raise SimulationError(solution.complaint(), solution)
     _doubt_strain(solution)
 
     if quantities:
-        found = _budgets(quantities, request, solution, asked)
+        with progress.line("budget"):
+            found = _budgets(quantities, request, solution, asked)
         solution = dataclasses.replace(solution, budget=found if isinstance(budget, list | tuple) else found[0])
     return solution
 

@@ -12,7 +12,8 @@ SOURCES = sorted((pathlib.Path(__file__).parent.parent / "notebooks").glob("[0-9
 
 @pytest.mark.slow
 @pytest.mark.parametrize("source", SOURCES, ids=lambda path: path.stem)
-def test_runs(source):
+def test_runs(source, monkeypatch):
+    monkeypatch.setenv("JAXROD_PROGRESS", "0")
     notebook = jupytext.read(source)
     where = {"metadata": {"path": str(source.parent)}}
     nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3", resources=where).execute()

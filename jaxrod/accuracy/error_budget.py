@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..continuum.neglected import ModelLimits, model_limits
-from ..core import calling, tracing
+from ..core import calling, progress, tracing
 from ..core.result import Result
 from ..mechanics.system import System
 from ..motions.state import State
@@ -136,10 +136,14 @@ def budgets(
 def finer_runs(system: System, start: State, solution: Solution, run: Callable[..., Solution]) -> FinerRuns:
     """By `run`, as `budgets` has it."""
     name = jnp.dtype(start.direction.dtype).name
-    finer, aside = run(system, start, LEAST_TOLERANCE[name]), run(system, nudged(start, NUDGE[name]))
+    progress.say("by finer steps")
+    finer = run(system, start, LEAST_TOLERANCE[name])
+    progress.say("from a start beside")
+    aside = run(system, nudged(start, NUDGE[name]))
     if not isinstance(system.rod, Rod):
         return FinerRuns(solution, finer, aside, None)
     few, many = _more_shapes(system)
+    progress.say(f"with {few} and {many} shapes")
     rungs = [first_shapes(richer(system)(n), many) for n in (few, many)]  # one program for both
     less, more = (run(*brought(system, start, basis, False, 0.0), _TOLERANCE[name]) for basis in rungs)
     return FinerRuns(solution, finer, aside, (less, more))

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..core import progress
 from ..core.precision import in_type
 from ..mechanics.system import System
 from ..motions.state import State
@@ -20,6 +21,7 @@ from ..shapes.basis import AbstractBasis
 from . import cost_model
 from .quantity import AbstractQuantity
 from .reference import apart
+from .run_plan import named
 
 _MOST_STEPS = 2**24
 _TRIES = 8  # step counts of one solver and type
@@ -119,6 +121,7 @@ def fewest(off: Callable[[float], float], least: float, begin: float, order: int
 
 def _tried(question: Question, rung: Rung, solver: Any, dtype: str, steps: float) -> Way:
     """One run.  Of a solver that adapts its steps `steps` stands for the tolerance, with whose power their number grows."""
+    progress.say(f"{named(rung.basis)} by {steps:.3g} steps of {type(solver).__name__}, {dtype}")
     system, start = in_type(dtype, (rung.system, rung.start))
     if by_equal_steps(solver):
         setting = float(round(steps))

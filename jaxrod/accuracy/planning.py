@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .. import continuum
-from ..core import validation
+from ..core import progress, validation
 from ..core.precision import in_type
 from ..mechanics.system import System
 from ..motions.state import State
@@ -100,7 +100,8 @@ def plan(
     tolerance = float(validation.positive("tolerance", tolerance, quantity.unit, "the quantity's unit"))
     system, start = in_type("float64", (system, start))
     begin, end = arguments.interval(t1, t0)
-    return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()
+    with progress.line("plan"):
+        return _Search(system, start, quantity, begin, quantity.times(begin, end), static, tolerance).plan()
 
 
 class _Search:
@@ -235,6 +236,7 @@ class _Search:
 
     def rung(self, basis: AbstractBasis) -> Rung:
         if named(basis) not in self.tried:
+            progress.say(f"{named(basis)} by fine steps")
             system, start = brought(self.system, self.start, padded(basis), self.static, self.question.t0)
             fine = self.question.run(system, start, tolerance=_FINE)
             self.tried[named(basis)] = Rung(basis, system, start, self.question.answer(fine), fine)

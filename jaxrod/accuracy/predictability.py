@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int8
 
-from ..core import precision, validation
+from ..core import precision, progress, validation
 from ..core.linear_algebra import singular_values
 from ..core.result import Result
 from ..core.units import Number
@@ -83,7 +83,8 @@ def horizon(
         )
     if system.motion.prescribed and system.basis.n == 0:
         raise ValueError("motion=Driven() leaves a rigid rod nothing to set apart; take basis=Ritz(1) or more.")
-    return _horizon(system, start, t0, t1, tolerance, distance)
+    with progress.line("horizon"):
+        return jax.block_until_ready(_horizon(system, start, t0, t1, tolerance, distance))
 
 
 @eqx.filter_jit

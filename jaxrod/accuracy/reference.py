@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .. import continuum
+from ..core import progress
 from ..mechanics.system import System
 from ..motions.state import State
 from ..rods.rod import Rod
@@ -45,6 +46,7 @@ def exact_answer(
     for modes in _MODES:
         if modes > most or modes * radians > _MOST_STEPS:
             break
+        progress.say(f"the exact rod by {modes} modes")
         run = continuum.simulate(system, start, ts=ts, t0=t0, static=static, modes=modes, error=False)
         if not bool(run.ok):
             return Answer(np.asarray(np.nan), np.inf, False)

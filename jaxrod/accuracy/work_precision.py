@@ -9,10 +9,10 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from tqdm import tqdm
 
 from ..core import validation
 from ..core.precision import in_type
+from ..core.progress import line, say
 from ..mechanics.system import System
 from ..motions.state import State
 from ..rods.lumped import Lumped
@@ -26,8 +26,8 @@ from .quantity import AbstractQuantity, as_quantity
 from .reference import exact_answer
 from .run_plan import named
 
-RUNGS: tuple[AbstractBasis, ...] = (
-    Ritz(0), QuasiStatic(LoadRitz(2)), Ritz(1), ForceRitz(1), LoadRitz(2), Ritz(3), LoadRitz(4), LoadRitz(6),
+RUNGS: tuple[AbstractBasis, ...] = (  # far apart ones first, for those who have little time
+    Ritz(1), LoadRitz(6), Ritz(0), LoadRitz(2), QuasiStatic(LoadRitz(2)), Ritz(3), LoadRitz(4), ForceRitz(1),
 )  # fmt: skip
 _FRACTIONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)  # of the steps of the default
 _TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)  # of a step, of the adaptive solver
@@ -55,7 +55,8 @@ class Tradeoff(NamedTuple):
     """What was measured; it prints the rows that no other beats in both error and cost.
 
     `rows`, all of them, the cheapest first; `quantity`, its name and unit; `reference`, what the errors are measured from, and
-    `own_error`, how far that is from a poorer one of its kind: errors near it mean nothing; `left`, ways there was no time for.
+    `own_error`, how far that is from a poorer one of its kind: errors near it mean nothing; `left`, ways there was no time for,
+    and `seconds`, about how many would have been enough for all.
     """
 
     rows: list[Row]
@@ -64,6 +65,7 @@ class Tradeoff(NamedTuple):
     reference: str
     own_error: float
     left: int
+    seconds: float
 
     @property
     def front(self) -> list[Row]:
@@ -86,7 +88,9 @@ class Tradeoff(NamedTuple):
         lines.append(
             f"{self.quantity} against {self.reference}, itself good to {self.own_error:.0e}; {len(self.rows)} runs"
         )
-        return "\n".join(lines + ([f"no time for {self.left} more ways"] if self.left else []))
+        if self.left:
+            lines.append(f"no time for {self.left} more ways: all take about seconds={self.seconds:.2g}")
+        return "\n".join(lines)
 
 
 class _Way(NamedTuple):
@@ -110,13 +114,14 @@ def tradeoff(
 
     **Arguments:**
 
-    - `system`, `start`: the scene; of its basis only the start's strain is read, as other rungs take the nearest one.
+    - `system`, `start`: the scene, whose rung is tried first, then uniform strain, then others; each takes the nearest strain
+      of the start.
     - `t0`, `t1`: when it begins and ends, in s.
     - `quantity`: what is asked, such as `jaxrod.FinalTip()` (the default), or a function of a solution.
     - `static`: start the rod stretched as it is at rest in its spin and gravity, on each rung by that rung's own strain.
     - `seconds`: stop after so much time, however many ways are left; the reference and the way that is under way are finished,
       and each takes some seconds to compile.
-    - `progress`: a bar; on a terminal if left out.
+    - `progress`: a line of what is done; if left out, on a terminal or in a notebook.
 
     **Returns:** a `Tradeoff`; `jaxrod.plot.tradeoff` draws it.
 
@@ -141,16 +146,25 @@ def tradeoff(
     validation.optional_switch("progress", progress)
     quantity = as_quantity(quantity)
     t0, t1 = arguments.interval(t1, t0)
-    ts, begun = quantity.times(t0, t1), time.perf_counter()
+    with line("tradeoff", progress):
+        return _tradeoff(system, start, quantity, t0, quantity.times(t0, t1), static, seconds)
+
+
+def _tradeoff(
+    system: System, start: State, quantity: AbstractQuantity, t0, ts, static: bool, seconds: float
+) -> Tradeoff:
+    begun = time.perf_counter()
     true, own_error, reference = _reference(system, start, quantity, t0, ts, static)
     if np.isnan(true).any():
         raise ValueError(f"the {quantity.name} of {reference} is no number (NaN); ask for one that is.")
-    ways = list(_ways(system))
-    rows, done, own = [], 0, {}
-    for way in tqdm(ways, unit=" ways", disable=None if progress is None else not progress):
-        if rows and time.perf_counter() - begun > seconds:
+    ways, rows, done, own = list(_ways(system)), [], 0, {}
+    known, passed = time.perf_counter() - begun, 0.0
+    for way in ways:
+        passed = time.perf_counter() - begun
+        if rows and passed > seconds:
             break
         name = named(way.basis)
+        say(f"way {done + 1} of {len(ways)}, {name} by {type(way.solver).__name__}; {passed:.0f} of {seconds:.3g} s")
         if name not in own:
             fine = solve(*brought(system, start, padded(way.basis), static, t0), t0=t0, ts=ts, tolerance=_FINE)
             own[name] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
@@ -158,15 +172,17 @@ def tradeoff(
         rows += [row._replace(error=max(row.error, own[name])) for row in found]
         done += 1
     rows = sorted((row for row in rows if np.isfinite(row.error)), key=lambda row: row.cost)
-    return Tradeoff(rows, quantity.name, quantity.unit, reference, own_error, len(ways) - done)
+    enough = known + (passed - known) * len(ways) / max(done, 1)
+    return Tradeoff(rows, quantity.name, quantity.unit, reference, own_error, len(ways) - done, enough)
 
 
 def _ways(system: System) -> Iterator[_Way]:
-    """The likeliest first: the default on each rung, float32, the other solvers, steps that adapt."""
+    """The scene's own rung and the likeliest first: the default on each rung, float32, the other solvers, steps that adapt."""
     rungs = [x for x in RUNGS if condensable(system) or not isinstance(x, QuasiStatic)]
     rungs = [x for x in rungs if not x.misfit(system.rod)]
     family = richer(system)  # load-dependent shapes hold no force at the tip, and are good where it is smooth
     rungs += [family(x.n) for x in RUNGS if isinstance(x, LoadRitz) and family is not LoadRitz]
+    rungs = {named(basis): basis for basis in (system.basis, *rungs)}.values()
     scenes = [(basis, rung(system, basis)) for basis in rungs]
     worth = [(basis, solvers(scene)) for basis, scene in scenes]
     yield from (_Way(basis, best, "float64") for basis, (best, *_) in worth)

@@ -10,7 +10,7 @@ import optimistix as optx
 from jaxtyping import Array, Float
 
 from ..core import validation
-from ..core.quadrature import Panels
+from ..rods.quadrature import Panels
 from ..rods.rod import Rod
 from ..rods.section import Cone, Profile, Uniform
 from .compliance import support

@@ -10,7 +10,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import precision, validation
+from ..core import precision, progress, validation
 from ..core.linear_algebra import inverse_root, singular_values
 from ..core.units import Number
 from ..motions.stiffening import warn_of_forces
@@ -40,7 +40,8 @@ def natural_frequencies(system: Any, n: int) -> Float[Array, " n"]:
     n = validation.count("n", n, 1, "frequencies", _MOST)
     precision.warn_if_lowered(precision.float_type(system), system, ())
     warn_of_forces("continuum.natural_frequencies", system)
-    return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
+    with progress.line("continuum.natural_frequencies"):
+        return _natural(rod, pivot, free, n, order_for(rod, pivot, n)) / (2 * jnp.pi)
 
 
 def critical_rate(system: Any) -> Float[Array, ""]:
@@ -50,7 +51,8 @@ def critical_rate(system: Any) -> Float[Array, ""]:
     """
     rod, pivot, free = support(system)
     warn_of_forces("continuum.critical_rate", system)
-    return _natural(rod, pivot, free, 1, order_for(rod, pivot, 1))[0]
+    with progress.line("continuum.critical_rate"):
+        return _natural(rod, pivot, free, 1, order_for(rod, pivot, 1))[0]
 
 
 def spinning_frequencies(system: Any, rate: Number, n: int, *, free: bool = False) -> Float[Array, " n"]:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import precision
-from ..core.quadrature import gauss
+from ..rods.quadrature import gauss
 from ..rods.rod import Rod
 
 

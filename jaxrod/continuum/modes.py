@@ -12,7 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core.linear_algebra import svd
-from ..core.quadrature import Panels
+from ..rods.quadrature import Panels
 from ..rods.rod import Rod
 from .compliance import axial
 from .mesh import panel_ends, safe_sqrt

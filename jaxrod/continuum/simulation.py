@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import calling, precision, tracing, units, validation
+from ..core import calling, precision, progress, tracing, units, validation
 from ..core.result import Result
 from ..core.units import Number, Row
 from ..integrators.reversal import forward_refused, reversible
@@ -113,7 +113,7 @@ def simulate(
     if not forwards:
         system, start, t0, saved = reversible((system, start, t0, saved), 1, _ONCE)
     knots, unknown = known_knots(system, None, t0, saved[-1])
-    with forward_refused(_FORWARD):
+    with forward_refused(_FORWARD), progress.line("continuum.simulate"):
         solution, beyond, unseen = _run(
             system, start, t0, saved, static, modes, tolerance, error, order, backwards, knots
         )

@@ -12,7 +12,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
-from ..core import calling, tracing, units, validation
+from ..core import calling, progress, tracing, units, validation
 from ..core.units import Number, Row
 from . import least_squares
 from .least_squares import BLIND, Parameters, Residuals
@@ -122,10 +122,11 @@ def fit(
     dtype = _check(model, data, parameters)
 
     residuals = Residuals(tracing.carried(model), data, sigma, parameters)
-    first = least_squares.point(residuals, dtype)
-    if not first.finite:
-        raise ValueError("model has a derivative at the start that is not finite; start elsewhere.")
-    found = least_squares.minimised(residuals, first, dtype, method, max_steps)
+    with progress.line("fit"):
+        first = least_squares.point(residuals, dtype)
+        if not first.finite:
+            raise ValueError("model has a derivative at the start that is not finite; start elsewhere.")
+        found = least_squares.minimised(residuals, first, dtype, method, max_steps)
     freedom, chi_square = data.size - found.told.rank, found.point.chi_square
     p_value = float(jax.scipy.special.gammaincc(freedom / 2, chi_square / 2)) if freedom else math.nan
     values, spread = found.parameters.values, jnp.asarray(found.told.spread, data.dtype)

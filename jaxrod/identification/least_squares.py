@@ -14,7 +14,7 @@ import optax
 import optimistix as optx
 from jaxtyping import Array, Float, PyTree
 
-from ..core import calling, validation
+from ..core import calling, progress, validation
 
 BLIND = 1e-7  # a direction in which the data change this many times less than in the best one is not identified
 _ROUNDING = 1000  # of a model, in units of its type's last digit
@@ -273,6 +273,7 @@ def minimised(residuals: Residuals, first: Point, dtype: Any, method: Any, max_s
     leg = max_steps if isinstance(method, optx.AbstractMinimiser) else _LEG
     here, steps, stuck, seeing = first, 0, False, None
     while True:
+        progress.say(f"step {steps} of {max_steps} at most, chi^2 = {here.chi_square:.4g}")
         p, noticed, told = residuals.parameters, noticeable(here, first), told_at(residuals, here, dtype)
         seeing = ~told.blind if seeing is None else seeing
         doubt, way = "chi^2 still falls there", None

@@ -9,7 +9,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..core import precision, validation
+from ..core import precision, progress, validation
 from ..core.linear_algebra import one_by_one, pinv
 from ..motions.state import State
 from ..shapes.basis import QuasiStatic
@@ -72,7 +72,8 @@ def equilibrium(system: System, *, angle: Any = None, spin: Any = None, momentum
     # Searched in JAX's default type, in which Optimistix keeps its own numbers.
     dtype, wide = precision.float_type(system, given), jnp.result_type(float)
     scene, given = precision.in_type(wide, (system, given))
-    state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
+    with progress.line("equilibrium"):
+        state, error, lowest = _search(scene, given.get("angle"), given.get("spin"), given.get("momentum"))
     sound = (error < unbalanced_at_most(error.dtype)) & (lowest > -1)
     if validation.fails(lambda sound: sound, sound):
         raise ValueError(_none_found(system, given, error, lowest))

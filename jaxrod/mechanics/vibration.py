@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Complex, Float
 
 from .. import continuum
-from ..core import linear_algebra, precision, tracing, validation
+from ..core import linear_algebra, precision, progress, tracing, validation
 from ..motions.state import State
 from ..motions.stiffening import warn_of_forces
 from ..rods.rod import Rod
@@ -47,7 +47,8 @@ def natural_frequencies(system: System) -> Float[Array, " n"]:
 
 
 def _looked_at(system: System) -> Float[Array, " n"]:
-    frequencies, lowered = _natural_frequencies(system)
+    with progress.line("natural_frequencies"):
+        frequencies, lowered = _natural_frequencies(system)
     if lowered is not None and validation.fails(lambda lowered: lowered < _THICK, lowered):
         warnings.warn(
             f"lateral inertia, which the model leaves out, may lower the first frequency of so thick a rod by "
@@ -173,7 +174,8 @@ def modes(system: System, about: State | None = None) -> Modes:
     check_system(system)
     about = equilibria.equilibrium(system) if about is None else about
     check_state(system, about, "about")
-    frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
+    with progress.line("modes"):
+        frequency, growth, direction, amplitudes, unbalanced = _modes(system, about)
     if validation.fails(lambda x: x < 100 * equilibria.unbalanced_at_most(x.dtype), unbalanced):
         raise ValueError(
             f"about= is no equilibrium, accelerations are {float(unbalanced):.1e} of the natural ones; take one from "

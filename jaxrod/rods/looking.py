@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import precision, tracing, validation
-from ..core.quadrature import gauss
 from ..core.tracing import traced
+from .quadrature import gauss
 from .resolution import ORDER, Resolution, moments, resolve
 
 _BLOCK = 4096  # points that a function is asked for together: always as many, so that it is compiled once

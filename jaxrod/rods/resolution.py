@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ..core.quadrature import gauss
+from .quadrature import gauss
 
 ORDER = 16  # Gauss-Legendre points per panel; exact for polynomial integrands of degree 31
 FIXED = 8  # panels where the function is not known yet

@@ -15,12 +15,12 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import calling, precision, tracing, validation
-from ..core.quadrature import Panels
 from ..core.tracing import deciding
 from ..core.units import Number
 from . import plausibility
 from .law import hooke
 from .looking import check_positive, look_along, stands
+from .quadrature import Panels
 from .resolution import FIXED, ORDER, Resolution
 from .section import AbstractSection, Cone, Profile, Table, Uniform, profile
 

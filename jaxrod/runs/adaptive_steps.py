@@ -10,6 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .. import continuum
+from ..core import progress
 from ..core.linear_algebra import mappable
 from ..core.result import Result
 from ..integrators.compensation import Tracked, Tracking
@@ -60,6 +61,7 @@ def integrate(
     It saves at `ts` (None: at t1, or by `saveat`).  Steps are given by `controller`, dt0 or n_steps; else they adapt to the
     local error `atol`, none longer than `longest`, and end at `knots`.
     """
+    progress.compiling()
     if isinstance(adjoint, diffrax.RecursiveCheckpointAdjoint):
         system, start, t0, t1, ts = reversible((system, start, t0, t1, ts), 1, ONCE)
     given, given_start, given_ts, valid = system, start, ts, t1 > t0

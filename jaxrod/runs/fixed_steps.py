@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
+from ..core import progress
 from ..core.result import Result
 from ..integrators.fixed_step import Route, Walker, march
 from ..integrators.multistep import AbstractMultistep
@@ -76,6 +77,7 @@ def step_through(
 
     A step ends at each of `knots` too (None: there are none), and where functions of time are seen to change.
     """
+    progress.compiling()
     given, given_ts, given_start = system, ts, start
     system, scene, start, ts, valid = _runnable(system, start, t0, ts)
     looked = Preview.of(scene, start, t0, ts[-1], knots)

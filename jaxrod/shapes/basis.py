@@ -18,8 +18,8 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import tracing, validation
-from ..core.quadrature import Panels, legendre, local
 from ..rods.lumped import Lumped
+from ..rods.quadrature import Panels, legendre, local
 from ..rods.rod import Rod
 from .projection import Projection, inverse_mass_root, lumped
 

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Float
 
-from ..core.quadrature import Panels
+from ..rods.quadrature import Panels
 from ..rods.rod import Rod
 from .basis import AbstractNodalShapes, lumped_mass, orthonormal, until
 

@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..core.quadrature import Panels
 from ..rods.lumped import Lumped
+from ..rods.quadrature import Panels
 from ..rods.rod import Rod
 from .basis import AbstractBasis, AbstractShapesOf
 from .projection import Projection

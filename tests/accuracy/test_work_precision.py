@@ -9,16 +9,17 @@ import pytest
 import jaxrod
 from jaxrod.__main__ import main
 from jaxrod.accuracy.ladder import at_rest, on_rung
-from jaxrod.accuracy.work_precision import Row, Tradeoff
+from jaxrod.accuracy.run_plan import named
+from jaxrod.accuracy.work_precision import Row, Tradeoff, _ways
 
 
 def test_front():
     """The rows that no other beats in both; not one that is a hundredth better and costs more."""
     worth = ((1e-2, 1), (1e-1, 2), (1e-4, 3), (0.99e-4, 4))
     rows = [Row("a", "x", "float64", 10, error, cost) for error, cost in worth]
-    found = Tradeoff(rows, "tip", "m", "the exact rod", 1e-9, 3)
+    found = Tradeoff(rows, "tip", "m", "the exact rod", 1e-9, 3, 12.0)
     assert [row.cost for row in found.front] == [1, 3]
-    assert "no time for 3 more ways" in str(found) and str(found).count("float64") == 2
+    assert "no time for 3 more ways: all take about seconds=12" in str(found) and str(found).count("float64") == 2
 
 
 @pytest.mark.slow
@@ -34,6 +35,16 @@ def test_no_luck(monkeypatch):
     found = jaxrod.tradeoff(scene.system, scene.start, **known, seconds=1.0, progress=False)
     errors = [row.error for row in found.rows]
     assert len(errors) >= 20 and 4.9e-3 < min(errors) < 5.1e-3
+
+
+def test_its_own_rung_comes_first(monkeypatch, scene):
+    """And rungs that are far apart, before other types and solvers; without time one way is tried, and all are counted."""
+    system = scene(basis=jaxrod.Ritz(4), gravity=9.81)
+    ways = [named(way.basis) for way in _ways(system)]
+    assert ways[:3] == ["Ritz(4)", "Ritz(1)", "LoadRitz(6)"] and len(set(ways[:9])) == 9
+    found = jaxrod.tradeoff(system, system.state(rate=5.0), t1=0.05, seconds=1e-3)
+    assert {row.rung for row in found.rows} == {"Ritz(4)"} and found.left == len(ways) - 1
+    assert f"no time for {found.left} more ways" in str(found) and found.seconds > 0.1 * len(ways)
 
 
 @pytest.mark.slow

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.core.quadrature import Panels, legendre
+from jaxrod.rods.quadrature import Panels, legendre
 
 
 @pytest.mark.parametrize("degree", [0, 1, 2, 18])
