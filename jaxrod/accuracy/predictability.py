@@ -90,13 +90,14 @@ def horizon(
 @eqx.filter_jit
 def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horizon:
     dtype = precision.float_type(system, start)
-    ts = jnp.linspace(t0, t1, _TIMES + 1, dtype=dtype)[1:]
+    ts, scene = jnp.linspace(t0, t1, _TIMES + 1, dtype=dtype)[1:], system.discrete
+    natural = equilibria.natural_rate(scene)
 
     def tip(offset):
         # Adaptive: of equal steps, written out stage by stage, the forward derivative takes XLA minutes to compile.
         forward = {"solver": diffrax.Dopri8(), "adjoint": diffrax.ForwardMode()}
-        run = solve(system, _moved(system, start, offset), t0=t0, ts=ts, **forward)
-        reach = jax.vmap(system.body.reach)(run.states.amplitudes)
+        run = solve(system, _moved(system, start, natural, offset), t0=t0, ts=ts, **forward)
+        reach = jax.vmap(scene.body.reach)(run.states.amplitudes)
         return reach[:, None] * run.states.direction / system.rod.length, run.result
 
     free = system.motion.dimension - 1 if not system.motion.prescribed else 0
@@ -124,11 +125,11 @@ def _horizon(system: System, start: State, t0, t1, tolerance, distance) -> Horiz
     return Horizon(jnp.where(jnp.any(beyond), passed - t0, never), _slope(ts, growth), ts, growth, result)
 
 
-def _moved(system: System, start: State, offset) -> State:
+def _moved(system: System, start: State, natural, offset) -> State:
     """The start with its angles, strains and their rates (over the natural rate) moved by `offset`."""
     n, d = system.basis.n, start.direction
     place, rate = jnp.split(offset, 2)
-    rate = rate * equilibria.natural_rate(system)
+    rate = rate * natural
     across = Local(d, jnp.zeros_like(start.turns)).tangents()
     free = place.size - n
     if free:

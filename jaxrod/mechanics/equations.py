@@ -3,6 +3,7 @@
 `Moving` has every amplitude as a coordinate; `Condensed` has the strain follow statically.
 """
 
+import abc
 import functools
 from collections.abc import Callable
 from typing import Any
@@ -46,6 +47,10 @@ class DiscreteSystem(eqx.Module):
         return self.body.stiffness_matrix.shape[0]
 
     # ---- energies and powers
+
+    def equations(self, chart: AbstractChart) -> "Moving | Condensed":
+        """The equations of motion in the coordinates of `chart`."""
+        return (Condensed if self.condensed else Moving)(self, chart)
 
     def potential(self, place: Placement) -> Float[Array, ""]:
         """Strain energy and energy of weight in J."""
@@ -155,6 +160,14 @@ class AbstractEquations(eqx.Module):
     scene: eqx.AbstractVar[DiscreteSystem]
     chart: eqx.AbstractVar[AbstractChart]
 
+    @abc.abstractmethod
+    def acceleration(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
+        """v' from Lagrange's equations."""
+
+    def from_rest(self, q: Float[Array, " N"]) -> Float[Array, " N"]:
+        """v' at t = 0 and v = 0 in coordinates that turn steadily with the rod."""
+        return self.acceleration(0.0, q, jnp.zeros_like(q))
+
 
 class Moving(AbstractEquations):
     """All amplitudes of the strain move: Lagrange's equations for q = (director, amplitudes, [centre of mass])."""
@@ -194,6 +207,12 @@ class Moving(AbstractEquations):
     def acceleration(self, t: Any, q: Float[Array, " N"], v: Float[Array, " N"]) -> Float[Array, " N"]:
         """v' from Lagrange's equations."""
         return self.lagrangian.acceleration(t, q, v)
+
+    def from_rest(self, q: Float[Array, " N"]):
+        # Momenta do not change by themselves then: without what Lagrange's equations have for that half the program.
+        still = jnp.zeros_like(q)
+        push = jax.grad(self.function, argnums=1)(0.0, q, still)
+        return self.solve(0.0, q, push + self.force(0.0, q, still) if self.scene.forces else push)
 
     def encode(self, t: Any, state: State) -> Phase:
         """q and v of a state."""

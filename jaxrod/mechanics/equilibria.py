@@ -12,8 +12,9 @@ from jaxtyping import Array, Float
 from ..core import precision, progress, validation
 from ..core.linear_algebra import one_by_one, pinv
 from ..motions.state import State
-from ..shapes.basis import QuasiStatic
+from ..shapes.projection import Projection
 from .chart import AbstractChart, Local, Strains
+from .equations import DiscreteSystem
 from .system import System, check_system
 
 
@@ -102,20 +103,21 @@ def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
 @eqx.filter_jit
 def _search(system, angle, spin, momentum):
     dtype = precision.float_type(system, angle, spin, momentum)
-    base = _guess(system, angle, spin).astype(dtype)
+    scene = system.discrete
+    base = _guess(system, scene.body, angle, spin).astype(dtype)
     slopes = 0 if system.motion.prescribed else base.size - 1
-    n = 0 if isinstance(system.basis, QuasiStatic) else system.basis.n
-    rate = natural_rate(system)
+    n = 0 if scene.condensed else scene.n
+    rate = natural_rate(scene)
 
     def residual(x):
         spin_, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
-        push = accelerations(system, chart_at(system, base, spin_), q, jnp.zeros_like(q)) / rate**2
+        push = scene.equations(chart_at(scene, base, spin_)).from_rest(q) / rate**2
         if momentum is None:
             return push
-        state = _state(system, base, spin_, q)
-        turning = system.angular_momentum(state)
+        state = _state(scene, base, spin_, q)
+        turning = scene.angular_momentum(state)
         turning = turning if state.planar else turning[2]
-        inertia = system.body.mass_matrix[0, 0]
+        inertia = scene.body.mass_matrix[0, 0]
         return jnp.concatenate([((turning - momentum) / (inertia * rate))[None], push])
 
     q0 = jnp.zeros(slopes + n, dtype)
@@ -123,18 +125,18 @@ def _search(system, angle, spin, momentum):
         # No law but Hooke's answers at once: begin stretched, away from the rest that is none at strain -1.
         q0 = q0.at[slopes].set(jnp.minimum((jnp.asarray(spin, dtype) / rate) ** 2 / 2, 3.0))
     if momentum is not None:  # a low rate to begin with: from above the critical one the search would not come back
-        slow = jnp.asarray(momentum, dtype) / system.body.mass_matrix[0, 0]
+        slow = jnp.asarray(momentum, dtype) / scene.body.mass_matrix[0, 0]
         q0 = jnp.concatenate([(slow / jnp.sqrt(1 + (slow / rate) ** 2))[None], q0])
     residual = eqx.filter_closure_convert(residual, q0)
     x = _root(residual, q0)
     error = jnp.max(jnp.abs(residual(x)), initial=0.0)
     spin, q = (jnp.asarray(0.0 if spin is None else spin, dtype), x) if momentum is None else (x[0], x[1:])
-    state = _state(system, base, spin, q)
+    state = _state(scene, base, spin, q)
     if _weighs(system):  # balanced for a moment only, at the top and at the bottom
-        across = jnp.sqrt(jnp.sum(system.pull**2)) * jnp.max(jnp.abs(system.body.first_moments))
-        turns = across > 1e-9 * system.body.mass_matrix[0, 0] * rate**2
+        across = jnp.sqrt(jnp.sum(system.pull**2)) * jnp.max(jnp.abs(scene.body.first_moments))
+        turns = across > 1e-9 * scene.body.mass_matrix[0, 0] * rate**2
         error = jnp.where(turns & (spin != 0), jnp.inf, error)
-    return state, error, system.discrete.lowest_strain(state.amplitudes)
+    return state, error, scene.lowest_strain(state.amplitudes)
 
 
 def _weighs(system: System) -> bool:
@@ -153,7 +155,8 @@ def _root(residual, guess):
         residual, guess = eqx.combine(numbers, rest)
         solver = optx.LevenbergMarquardt(rtol=1e-14, atol=1e-14)
         x = optx.least_squares(lambda x, _: residual(x), solver, guess, max_steps=400, throw=False).value
-        return x - pinv(jax.jacfwd(residual)(x)) @ residual(x)
+        slope, left = jax.jacfwd(lambda x: 2 * (residual(x),), has_aux=True)(x)
+        return x - pinv(slope) @ left
 
     return search(numbers)
 
@@ -167,34 +170,29 @@ def _root_jvp(primals, tangents):
     return x, -pinv(jax.jacfwd(residual)(x)) @ moved
 
 
-def accelerations(system: System, chart: AbstractChart, q, v) -> Float[Array, " N"]:
-    """v' of a scene at t = 0 in coordinates that turn with it."""
-    return system.equations(chart).acceleration(0.0, q, v)
-
-
-def natural_rate(system: System) -> Float[Array, ""]:
+def natural_rate(scene: DiscreteSystem) -> Float[Array, ""]:
     """A rate in 1/s to measure accelerations by: the slowest axial one, or that of the swing of a rigid rod."""
-    body = jax.lax.stop_gradient(system.body)
-    if system.basis.n:
+    body = jax.lax.stop_gradient(scene.body)
+    if scene.n:
         return jnp.sqrt(body.stiffness_matrix[0, 0] / body.mass_matrix[1, 1])
-    weight = 1.0 if system.pull is None else jnp.sqrt(jnp.sum(system.pull**2))
-    return jax.lax.stop_gradient(jnp.sqrt(weight / system.rod.length))
+    weight = 1.0 if scene.gravity is None else jnp.sqrt(jnp.sum(scene.gravity**2))
+    return jax.lax.stop_gradient(jnp.sqrt(weight / scene.length))
 
 
-def chart_at(system: System, base, spin) -> AbstractChart:
+def chart_at(scene: DiscreteSystem, base, spin) -> AbstractChart:
     """Coordinates that turn steadily about a director."""
-    return Strains() if system.motion.prescribed else Local(base, spin)
+    return Strains() if scene.motion.prescribed else Local(base, spin)
 
 
-def _state(system: System, base, spin, q) -> State:
-    state = system.equations(chart_at(system, base, spin)).decode(0.0, q, jnp.zeros_like(q))
-    if not system.motion.flies:
+def _state(scene: DiscreteSystem, base, spin, q) -> State:
+    state = scene.equations(chart_at(scene, base, spin)).decode(0.0, q, jnp.zeros_like(q))
+    if not scene.motion.flies:
         return state
     zero = jnp.zeros_like(state.direction)
     return eqx.tree_at(lambda s: (s.center, s.center_velocity), state, (zero, zero), is_leaf=lambda x: x is None)
 
 
-def _guess(system: System, angle, spin) -> Float[Array, " D"]:
+def _guess(system: System, body: Projection, angle, spin) -> Float[Array, " D"]:
     """The director to begin with."""
     dimension = system.motion.dimension
     if system.motion.prescribed:
@@ -207,7 +205,6 @@ def _guess(system: System, angle, spin) -> Float[Array, " D"]:
     pull = system.pull
     strength = jnp.sqrt(pull @ pull)
     down = jnp.where(strength > 0, pull / jnp.where(strength > 0, strength, 1.0), down)
-    body = system.body
     down = down * jnp.where(body.first_moments[0] < 0, -1.0, 1.0)
     vertical = system.gravity is not None and system.gravity.ndim == 0
     if spin is None or dimension == 2 or not vertical:

@@ -284,8 +284,7 @@ class System(eqx.Module):
         **Raises:** `ValueError` for coordinates that this scene does not have.
         """
         self.check_chart(chart)
-        scene = self.discrete if scene is None else scene
-        return (Condensed if scene.condensed else Moving)(scene, chart)
+        return (self.discrete if scene is None else scene).equations(chart)
 
     def split(
         self, start: State, t0: Any = 0.0, small_kicks: bool = False, scene: DiscreteSystem | None = None

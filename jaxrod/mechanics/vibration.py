@@ -187,12 +187,14 @@ def modes(system: System, about: State | None = None) -> Modes:
 @eqx.filter_jit
 def _modes(system, about):
     spin = about.rate if about.planar else about.azimuth_rate
-    chart = equilibria.chart_at(system, about.direction, spin)
-    phase = system.equations(chart).encode(0.0, about)
-    q, rate = phase.q, equilibria.natural_rate(system)
+    scene = system.discrete
+    chart = equilibria.chart_at(scene, about.direction, spin)
+    equations = scene.equations(chart)
+    phase = equations.encode(0.0, about)
+    q, rate = phase.q, equilibria.natural_rate(scene)
 
     def push(q, v):
-        return equilibria.accelerations(system, chart, q, v)
+        return equations.acceleration(0.0, q, v)
 
     zero = jnp.zeros_like(q)
     unbalanced = jnp.max(jnp.abs(jnp.concatenate([push(q, zero), rate * phase.v])), initial=0.0) / rate**2
