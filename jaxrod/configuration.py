@@ -5,9 +5,11 @@ import os
 import pathlib
 import sys
 import warnings
+from typing import Any
 
 _done: list[tuple[str, dict]] = []  # what the first call did, and what it was asked
 _said: list[bool] = []
+_reminded: list[bool] = []
 
 # XLA launches each kernel of a loop by itself unless the loop touches fewer bytes than this: then it becomes one function.
 _WHOLE_LOOPS = f"xla_cpu_small_while_loop_byte_threshold={1 << 21}"
@@ -116,6 +118,23 @@ def progress() -> bool | None:
 def was_called() -> bool:
     """Whether `configure` has set JAX up."""
     return bool(_done)
+
+
+def remind_once() -> None:
+    """Says, the first time, what is missing where `configure` was not called."""
+    import jax
+
+    if _done or _reminded:
+        return
+    _reminded.append(True)
+    set_up: Any = jax.config
+    missing = [] if set_up.jax_enable_x64 else ["numbers are float32"]
+    missing += [] if set_up.jax_compilation_cache_dir else ["compiled programs are not kept for the next process"]
+    if missing:
+        warnings.warn(
+            f"jaxrod.configure() was not called: {', '.join(missing)}; call it before anything else touches JAX.",
+            stacklevel=3,
+        )
 
 
 def remedy_of_float32() -> str:

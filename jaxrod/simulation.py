@@ -22,6 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from . import configuration
 from .accuracy.error_budget import budgets
 from .accuracy.quantity import AbstractQuantity, as_quantity
 from .accuracy.run_plan import Plan
@@ -105,6 +106,7 @@ def simulate(
         "progress_meter": progress_meter, "max_steps": max_steps,
     }  # fmt: skip
     validation.switch("throw", throw)
+    configuration.remind_once()
     if plan is not None or isinstance(tolerance, Plan):
         system, start, asked = _planned(plan, system, start, asked)
     request = Request.checked(system, start, **asked)

@@ -427,6 +427,8 @@ for verb, how in ((jaxrod.continuum.simulate, {{"ts": [0.1]}}), (jaxrod.plan, {{
 """
     found = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=300, check=True)
     assert f"steps in {printed}: the run" in found.stdout and found.stdout.count(advised) == 2
+    said = "configure() was not called: numbers are float32, compiled programs are not kept for the next process"
+    assert found.stderr.count(said) == (not line)  # once
 
 
 def test_an_error_asked_over_times_with_units():
