@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Int8
 
 from .. import configuration
-from ..continuum.neglected import model_limits
+from ..continuum.neglected import ModelLimits, model_limits
 from ..core import tracing, validation
 from ..core.result import Result
 from ..mechanics.chart import Director, Strains
@@ -20,6 +20,7 @@ from ..motions.state import State
 from ..rods.rod import Rod
 from .invariants import Ledger, account
 
+_RANGES = {"angle": "rad", "strain": "", "energy": "J"}  # that are printed, with their units
 _SLOW_TURNING = 5  # bending frequency over turns a second above which a rod stays straight enough
 _SMALL_ERROR = 0.01
 _LARGE_STRAIN = 0.1
@@ -163,10 +164,11 @@ class Solution(eqx.Module):
             f"in {self._type()}: {self._ended()}"
         ]
         if isinstance(self.states, State):
-            for name, unit in (("angle", "rad"), ("strain", ""), ("energy", "J")):
-                values = getattr(self, name)
-                lines.append(f"{name:>8}: {jnp.nanmin(values):.6g} .. {jnp.nanmax(values):.6g} {unit}".rstrip())
-            lines += [f"left out: {line}" for line in self._left_out()]
+            ranges, limits, turning, largest = jax.tree.map(np.asarray, _looked_over(self.system, self.states))
+            for (name, unit), (least, most) in zip(_RANGES.items(), ranges, strict=True):
+                lines.append(f"{name:>8}: {least:.6g} .. {most:.6g} {unit}".rstrip())
+            if limits is not None:
+                lines += [f"left out: {line}" for line in self._left_out(limits, float(turning), float(largest))]
         if self.budget is not None:
             lines += map(str, self.budget if isinstance(self.budget, tuple) else [self.budget])
         return "\n".join(lines)
@@ -179,22 +181,17 @@ class Solution(eqx.Module):
         forgotten = jnp.result_type(float) == jnp.float32 and not configuration.was_called()
         return f"{self.ts.dtype}{', as jaxrod.configure() was not called' * forgotten}"
 
-    def _left_out(self) -> list[str]:
-        """What the model does not have and this motion would have shown."""
-        system, states = self.system, self.states
-        if not isinstance(system, System) or not isinstance(system.rod, Rod):
-            return []
-        lines, limits = [], model_limits(system)
-        turning = float(jnp.nanmax(jnp.sqrt(jnp.sum(states.direction_rate**2, axis=-1)))) / (2 * np.pi)
+    def _left_out(self, limits: ModelLimits, turning: float, largest: float) -> list[str]:
+        """What the model does not have and this motion would have shown, with so many turns a second and this strain."""
+        assert isinstance(self.system, System) and isinstance(self.system.rod, Rod)
+        lines = []
         bending, axial = float(limits.bending_frequencies[0]), float(limits.axial_frequency)
         if bending < _SLOW_TURNING * turning:
             lines.append(f"bending, {bending:.3g} Hz (axial {axial:.3g} Hz), at up to {turning:.3g} turns a second")
         if limits.lateral_inertia > _SMALL_ERROR:
             lines.append(f"lateral inertia, {100 * float(limits.lateral_inertia):.2g} % of the axial frequency")
-        if system.basis.n and system.rod.linear:
-            largest = float(jnp.nanmax(jnp.abs(system.body.field(states.amplitudes))))
-            if largest > _LARGE_STRAIN:
-                lines.append(f"a law of large strain, which reaches {largest:.2g}; Rod(law=...) takes one")
+        if self.system.rod.linear and largest > _LARGE_STRAIN:
+            lines.append(f"a law of large strain, which reaches {largest:.2g}; Rod(law=...) takes one")
         return lines
 
 
@@ -221,6 +218,23 @@ def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
     for _ in range(scenes):
         over = jax.vmap(over)
     return over(system, ts, states)
+
+
+@eqx.filter_jit
+def _looked_over(system: Any, states: State) -> tuple[list, ModelLimits | None, Array, Array]:
+    """What is printed of a run, by one program: ranges, limits of the model, turns a second, the largest strain."""
+    scene = system.discrete
+
+    def energy(state: State) -> Any:
+        moving = 0.0 if state.center_velocity is None else scene.moving(state.center_velocity)
+        return sum(scene.energies(state)) + moving
+
+    values = {"angle": states.angle, "strain": states.strain, "energy": jax.vmap(energy)(states)}
+    ranges = [(jnp.nanmin(values[name]), jnp.nanmax(values[name])) for name in _RANGES]
+    turning = jnp.nanmax(jnp.sqrt(jnp.sum(states.direction_rate**2, axis=-1))) / (2 * np.pi)
+    largest = jnp.nanmax(jnp.abs(scene.body.field(states.amplitudes)), initial=0.0) if scene.n else jnp.zeros(())
+    limits = model_limits(system) if isinstance(system.rod, Rod) else None
+    return ranges, limits, turning, largest
 
 
 @eqx.filter_jit
