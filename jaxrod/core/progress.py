@@ -39,7 +39,9 @@ def wanted(progress: bool | None = None) -> bool:
     """Whether it is to be shown: as asked here, else by `configure`, else on a terminal and in a notebook alone."""
     if progress is None:
         progress = configuration.progress()
-    return sys.stderr.isatty() or "ipykernel" in sys.modules if progress is None else progress
+    if progress is None:
+        progress = (sys.stderr is not None and sys.stderr.isatty()) or "ipykernel" in sys.modules
+    return progress and sys.stderr is not None  # a program without a console has none
 
 
 @contextlib.contextmanager

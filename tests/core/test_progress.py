@@ -66,6 +66,11 @@ def test_none_of_what_is_quick(monkeypatch):
     assert sys.stderr.getvalue() == "" and not progress._open
 
 
+def test_no_console(monkeypatch):
+    monkeypatch.setattr(sys, "stderr", None)
+    assert not progress.wanted() and not progress.wanted(True)
+
+
 def test_an_interruption_ends_it(monkeypatch, impatient):
     def interrupted():
         raise KeyboardInterrupt
