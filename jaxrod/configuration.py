@@ -112,7 +112,7 @@ def progress() -> bool | None:
     """What `configure` was told of progress, else what `$JAXROD_PROGRESS` says; None if neither does."""
     told = _done[0][1]["progress"] if _done else None
     said = os.environ.get("JAXROD_PROGRESS", "")
-    return said != "0" if told is None and said else told
+    return said.lower() not in ("0", "false", "no", "off") if told is None and said else told
 
 
 def was_called() -> bool:

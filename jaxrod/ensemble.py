@@ -95,7 +95,7 @@ def sweep(
             lanes, counts, places = _dealt(picked.size, block, workers, mesh.size)
             part = jax.tree.map(lambda x, at=picked[lanes]: x[at], inputs)
             part, counts = jax.device_put((part, counts), spread)
-            with line("sweep: compiling, and the first scenes", progress) if out is None else contextlib.nullcontext():
+            with line("sweep: the first scenes", progress) if out is None else contextlib.nullcontext():
                 answers = jax.block_until_ready(_call(fn, part, counts, mesh))
             if out is None:
                 out = jax.tree.map(lambda x: np.empty((scenes, *x.shape[1:]), x.dtype), answers)

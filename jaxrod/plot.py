@@ -107,6 +107,7 @@ def tradeoff(found: Tradeoff, title: str = "") -> Figure:
     colors = {named(basis): 2 * k for k, basis in enumerate(RUNGS)}
     colors |= {f"ForceRitz({basis.n})": 2 * k + 1 for k, basis in enumerate(RUNGS) if isinstance(basis, LoadRitz)}
     front, seen = set(found.front), {row.rung for row in found.rows}
+    colors |= {rung: 2 * len(RUNGS) + k for k, rung in enumerate(sorted(seen - colors.keys()))}  # the scene's own
     for rung, color in ((rung, colormaps["tab20"](k)) for rung, k in colors.items() if rung in seen):
         for pale in (True, False):
             rows = [row for row in found.rows if row.rung == rung and (row not in front) == pale and row.error > 0]

@@ -26,8 +26,8 @@ from .quantity import AbstractQuantity, as_quantity
 from .reference import exact_answer
 from .run_plan import named
 
-RUNGS: tuple[AbstractBasis, ...] = (  # far apart ones first, for those who have little time
-    Ritz(1), LoadRitz(6), Ritz(0), LoadRitz(2), QuasiStatic(LoadRitz(2)), Ritz(3), LoadRitz(4), ForceRitz(1),
+RUNGS: tuple[AbstractBasis, ...] = (
+    Ritz(0), QuasiStatic(LoadRitz(2)), Ritz(1), ForceRitz(1), LoadRitz(2), Ritz(3), LoadRitz(4), LoadRitz(6),
 )  # fmt: skip
 _FRACTIONS = (1 / 16, 1 / 8, 1 / 4, 1 / 2, 1.0)  # of the steps of the default
 _TOLERANCES = (1e-3, 1e-5, 1e-7, 1e-9)  # of a step, of the adaptive solver
@@ -158,9 +158,8 @@ def _tradeoff(
     if np.isnan(true).any():
         raise ValueError(f"the {quantity.name} of {reference} is no number (NaN); ask for one that is.")
     ways, rows, done, own = list(_ways(system)), [], 0, {}
-    known, passed = time.perf_counter() - begun, 0.0
+    known = passed = time.perf_counter() - begun
     for way in ways:
-        passed = time.perf_counter() - begun
         if rows and passed > seconds:
             break
         name = named(way.basis)
@@ -171,6 +170,7 @@ def _tradeoff(
         found = _measured(way, system, start, quantity, t0, ts, static, true)
         rows += [row._replace(error=max(row.error, own[name])) for row in found]
         done += 1
+        passed = time.perf_counter() - begun
     rows = sorted((row for row in rows if np.isfinite(row.error)), key=lambda row: row.cost)
     enough = known + (passed - known) * len(ways) / max(done, 1)
     return Tradeoff(rows, quantity.name, quantity.unit, reference, own_error, len(ways) - done, enough)
@@ -182,7 +182,9 @@ def _ways(system: System) -> Iterator[_Way]:
     rungs = [x for x in rungs if not x.misfit(system.rod)]
     family = richer(system)  # load-dependent shapes hold no force at the tip, and are good where it is smooth
     rungs += [family(x.n) for x in RUNGS if isinstance(x, LoadRitz) and family is not LoadRitz]
-    rungs = {named(basis): basis for basis in (system.basis, *rungs)}.values()
+    apart = rungs[::4] + rungs[2::4] + rungs[1::2]  # far from one another first, for those who have little time
+    uniform = [x for x in rungs if x.n and x.uniform]
+    rungs = {named(basis): basis for basis in (system.basis, *uniform, *apart)}.values()
     scenes = [(basis, rung(system, basis)) for basis in rungs]
     worth = [(basis, solvers(scene)) for basis, scene in scenes]
     yield from (_Way(basis, best, "float64") for basis, (best, *_) in worth)

@@ -11,7 +11,7 @@ from tqdm import tqdm
 from .. import configuration
 
 _AFTER, _EVERY = 2.0, 0.5  # s
-_open: list["_Line"] = []
+_here = threading.local()  # the `line` that is open in a thread
 
 
 class _Line:
@@ -23,7 +23,7 @@ class _Line:
 
     def __str__(self):
         said = f"{self.verb}: {self.stage}" if self.stage else self.verb
-        return f"{said} (compiling)" if self.compiling else said
+        return f"{said} (compiling, then running)" if self.compiling else said
 
     def show(self) -> None:
         """In a thread of its own, as compiling lets no other Python go on."""
@@ -40,35 +40,48 @@ def wanted(progress: bool | None = None) -> bool:
     if progress is None:
         progress = configuration.progress()
     if progress is None:
-        progress = (sys.stderr is not None and sys.stderr.isatty()) or "ipykernel" in sys.modules
-    return progress and sys.stderr is not None  # a program without a console has none
+        progress = "ipykernel" in sys.modules or (_open_stream() and sys.stderr.isatty())
+    return bool(progress) and _open_stream()
+
+
+def _open_stream() -> bool:
+    """Whether there is where to write: a program without a console has none."""
+    return hasattr(sys.stderr, "isatty") and not getattr(sys.stderr, "closed", False)
 
 
 @contextlib.contextmanager
 def line(verb: str, progress: bool | None = None) -> Iterator[None]:
     """While it is open a line tells what `verb` does, if that is `wanted`; within another line it adds none."""
-    if _open or not wanted(progress):
+    if _opened() is not None or not wanted(progress):
         yield
         return
     here = _Line(verb)
     thread = threading.Thread(target=here.show, daemon=True)
-    _open.append(here)
-    thread.start()
     try:
+        with contextlib.suppress(RuntimeError):  # where no thread can be had there is no line
+            thread.start()
+        _here.line = here
         yield
     finally:
+        _here.line = None
         here.ended.set()
-        thread.join()
-        _open.remove(here)
+        if thread.is_alive():
+            thread.join(1.0)
 
 
 def say(stage: str) -> None:
     """What the open line, if there is one, is doing now."""
-    for here in _open:
+    here = _opened()
+    if here is not None:
         here.stage, here.compiling = stage, False
 
 
 def compiling() -> None:
     """To be called while a program is traced: until something else is said, it is being compiled, and then it runs."""
-    for here in _open:
+    here = _opened()
+    if here is not None:
         here.compiling = True
+
+
+def _opened() -> _Line | None:
+    return getattr(_here, "line", None)

@@ -98,7 +98,8 @@ def _march(solver: Any, split: AbstractStepper, y0: PhasePoint, turns, route: Ro
     """Laned: both ways as passes of one loop, whose program is the larger part of what is to be compiled."""
     lanes, count = lanes_of(eqx.filter((split, y0, turns, route, check), eqx.is_array)), route.ends.shape[0]
     none = jnp.zeros(lanes, route.ends.dtype)
-    start = Walker(widened(y0, lanes), turns + none, jnp.zeros(lanes, jnp.int32), route.start + none, none + jnp.inf)
+    begin, lowest = widened(y0, lanes), split.lowest_strain([y0]) + none
+    start = Walker(begin, turns + none, jnp.zeros(lanes, jnp.int32), route.start + none, lowest)
     size = math.isqrt(count - 1) + 1  # of a block of legs
     blocks = -(-count // size)
     legs = route.legs(size * blocks)
@@ -257,12 +258,15 @@ def _and_back(walkers: Walker, gradient, perturbed, moving, solver, turns, route
     del check
     split, y0, start, ends = moving
     other, stepped = split.undoable(solver)
+    y_bars = jax.tree.map(lambda x, bar: jnp.zeros_like(x) if bar is None else bar, walkers.y, gradient[0].y)
     if stepped is not split:  # what cannot be undone is run again by what can
+        reached = walkers.stopped == 0
         walkers, _ = _forwards((stepped, y0, start, ends), other, turns, route, None)
+        lost = jnp.where(reached & (walkers.stopped != 0), jnp.nan, 0.0)  # what that does not reach has no derivative
+        y_bars = jax.tree.map(lambda bar: bar + lost.reshape(lost.shape[0], *[1] * (bar.ndim - 2), -1), y_bars)
     asked, known = eqx.partition(split, jax.tree.map(bool, perturbed[0]))
     by_times = any(jax.tree.leaves(perturbed[2:]))
     arrays, rest = eqx.partition((asked, known, route), eqx.is_array)
-    y_bars = jax.tree.map(lambda x, bar: jnp.zeros_like(x) if bar is None else bar, walkers.y, gradient[0].y)
 
     def back(arrays, start, ends, walkers, y_bars):
         asked, known, route = eqx.combine(arrays, rest)

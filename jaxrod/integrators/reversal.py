@@ -51,12 +51,15 @@ def as_far_as(reached: Bool[Array, " T"], followed: Bool[Array, " T"], rows: Any
     By each number of `inputs` it is NaN there in either mode, as zero would be taken for one; but where nothing is asked of
     them they leave the other rows alone.
     """
-    numbers = sum(jnp.sum(x) for x in jax.tree.leaves(inputs) if _is_float(x))
-    zero = numbers - jax.lax.stop_gradient(numbers)
-    # Zero stays zero; all else becomes infinite and, less another infinity, no number, from either side.  By factors: zero times
-    # infinity is no number.  They are no constants, of which XLA would take the product, and one more as it fuses the last.
-    beyond = jnp.where(jnp.all(followed), 1, jnp.finfo(jnp.result_type(numbers)).max)
-    unknown = zero * beyond * beyond * beyond - zero * beyond * beyond * beyond
+
+    # Zero stays zero; all else becomes infinite and, less another infinity, no number, from either side, each before it may
+    # cancel with another.  By factors: zero times infinity is no number.  They are no constants, of which XLA would take the
+    # product, and one more as it fuses the last.
+    def no_number(x):
+        zero, beyond = x - jax.lax.stop_gradient(x), jnp.where(jnp.all(reached & followed), 1, jnp.finfo(x.dtype).max)
+        return jnp.sum(zero * beyond * beyond * beyond - zero * beyond * beyond * beyond)
+
+    unknown = jnp.sum(jnp.stack([no_number(x).astype(float) for x in jax.tree.leaves(inputs) if _is_float(x)]))
 
     def row(x):
         known, has_derivative = (mask.reshape((-1,) + (1,) * (x.ndim - 1)) for mask in (reached, reached & followed))

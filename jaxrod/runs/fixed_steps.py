@@ -120,7 +120,8 @@ def step_through(
         (last.stopped != Result.ok, last.stopped),
         (coarse, Result.coarse),
     )
-    states = as_far_as(reached, saved.stopped == Result.ok, states, (given, given_start, t0, given_ts))
+    followed = (saved.stopped == Result.ok) | (saved.stopped == Result.max_steps)
+    states = as_far_as(reached, followed, states, (given, given_start, t0, given_ts))
     return Solution(
         ts=jnp.where(reached, jnp.where(last.stopped == 0, given_ts, last.t), jnp.nan) if end_only else given_ts,
         states=states,

@@ -344,6 +344,19 @@ def test_what_was_reached_before_a_stop_has_its_derivative(scene, how, forwards)
     assert jnp.isnan(found[2]).all()
 
 
+def test_what_was_not_reached_has_none_however_it_moves(scene):
+    """Also along a way that moves two numbers against each other."""
+    system, ts = scene(gravity=9.81), jnp.array([0.1, 5.0])
+
+    def heights(x):
+        start = system.state(rate=10.0, strain=0.01 + x, strain_rate=-x)
+        run = {"solver": jaxrod.BlanesMoan6(), "n_steps": 1500, "max_steps": 60, "adjoint": diffrax.ForwardMode()}
+        return jaxrod.simulate(system, start, ts=ts, throw=False, **run).states.direction[:, 1]
+
+    _, along = jax.jvp(heights, (0.0,), (1.0,))
+    assert jnp.isfinite(along[0]) and jnp.isnan(along[1])
+
+
 def test_solvers_whose_steps_nobody_counts(scene):
     system = scene(gravity=9.81)
     with pytest.raises(ValueError, match="n_steps="):
