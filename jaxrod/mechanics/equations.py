@@ -75,6 +75,12 @@ class DiscreteSystem(eqx.Module):
         """Kinetic energy of the centre of mass in flight, in J."""
         return energy.kinetic_center(self.body, center_velocity)
 
+    def all_energies(self, state: State) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
+        """The same as `energies`, with the kinetic energy of the centre of mass."""
+        turning, elastic, weight = self.energies(state)
+        moving = turning if state.center_velocity is None else turning + self.moving(state.center_velocity)
+        return moving, elastic, weight
+
     def power(self, t: Any, state: State, virtual: Placement) -> Float[Array, ""]:
         """Power in W of the forces in a virtual velocity."""
         powers = [force.power(t, state, virtual, self.body) for force in self.forces]

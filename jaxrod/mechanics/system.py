@@ -178,10 +178,7 @@ class System(eqx.Module):
 
     def _energies(self, state: State) -> tuple[Float[Array, ""], Float[Array, ""], Float[Array, ""]]:
         check_state(self, state)
-        scene = self.discrete
-        turning, elastic, weight = scene.energies(state)
-        moving = turning if state.center_velocity is None else turning + scene.moving(state.center_velocity)
-        return moving, elastic, weight
+        return self.discrete.all_energies(state)
 
     def power(self, t: Float[Array, ""], state: State) -> Float[Array, ""]:
         """Power in W of the forces, and of the drive where there is one: the rate at which `energy` grows."""

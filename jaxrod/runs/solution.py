@@ -224,12 +224,8 @@ def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
 def _looked_over(system: Any, states: State) -> tuple[list, ModelLimits | None, Array, Array]:
     """What is printed of a run, by one program: ranges, limits of the model, turns a second, the largest strain."""
     scene = system.discrete
-
-    def energy(state: State) -> Any:
-        moving = 0.0 if state.center_velocity is None else scene.moving(state.center_velocity)
-        return sum(scene.energies(state)) + moving
-
-    values = {"angle": states.angle, "strain": states.strain, "energy": jax.vmap(energy)(states)}
+    energy = sum(jax.vmap(scene.all_energies)(states))
+    values: dict[str, Any] = {"angle": states.angle, "strain": states.strain, "energy": energy}
     ranges = [(jnp.nanmin(values[name]), jnp.nanmax(values[name])) for name in _RANGES]
     turning = jnp.nanmax(jnp.sqrt(jnp.sum(states.direction_rate**2, axis=-1))) / (2 * np.pi)
     largest = jnp.nanmax(jnp.abs(scene.body.field(states.amplitudes)), initial=0.0) if scene.n else jnp.zeros(())
