@@ -171,9 +171,11 @@ def _budgets(quantities: list[AbstractQuantity], request: Request, solution: Sol
     same = {"event": asked["event"], "adjoint": asked["adjoint"], "max_steps": asked["max_steps"]}
     steps = ("tolerance", "chart", "solver", "stepsize_controller", "dt0", "n_steps")
 
-    def again(system, start, least=None, times=None):
+    def again(system, start, least=None, times=None, seldom=False):
         how = {name: asked[name] for name in steps} if least is None else {"tolerance": least}
-        return solve(system, start, **(saved if times is None else {"t0": t0, "ts": times}), **same, **how)
+        return solve(
+            system, start, **(saved if times is None else {"t0": t0, "ts": times}), **same, **how, seldom=seldom
+        )
 
     def own_times(quantity):  # a run of its own for what looks at more than the end that is saved
         looked = quantity.times(t0, t1) if asked["ts"] is None and asked["saveat"] is None else None

@@ -27,6 +27,7 @@ from ..core.result import Result
 from ..mechanics.system import System
 from ..motions.state import State
 from ..rods.rod import Rod
+from ..runs.execution import SELDOM
 from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
 from .ladder import brought, first_shapes, richer
@@ -113,7 +114,8 @@ def budgets(
     """The error of each quantity of `solution`; they share the runs that tell it, at all times that any of them looks at.
 
     `run(system, start)` runs as `solution` was run, `run(system, start, tolerance)` by the default solver to a tolerance;
-    `times=` are in place of those that `solution` saved.  `own_times` of a quantity: None where it looks at the saved ones.
+    `times=` are in place of those that `solution` saved, `seldom=` is for programs of few runs.
+    `own_times` of a quantity: None where it looks at the saved ones.
     """
     for quantity in quantities:  # one that fails does so before the runs
         calling.rehearsed(quantity, solution)
@@ -121,7 +123,7 @@ def budgets(
     looked = [times for times in own if times is not None]
     if looked:
         times = looked[0] if len(looked) == 1 else jnp.unique(jnp.concatenate(looked))
-        run = functools.partial(run, times=times)
+        run = functools.partial(run, times=times, seldom=_short(solution))
 
     @functools.cache
     def shared():
@@ -145,8 +147,15 @@ def finer_runs(system: System, start: State, solution: Solution, run: Callable[.
     few, many = _more_shapes(system)
     progress.say(f"with {few} and {many} shapes")
     rungs = [first_shapes(richer(system)(n), many) for n in (few, many)]  # one program for both
-    less, more = (run(*brought(system, start, basis, False, 0.0), _TOLERANCE[name]) for basis in rungs)
+    seldom = _short(solution)
+    less, more = (run(*brought(system, start, basis, False, 0.0), _TOLERANCE[name], seldom=seldom) for basis in rungs)
     return FinerRuns(solution, finer, aside, (less, more))
+
+
+def _short(solution: Solution) -> bool:
+    """Whether runs like this one are over sooner than their program is optimised."""
+    steps = solution.stats["num_steps"]
+    return tracing.known(steps) and float(steps) < SELDOM
 
 
 def _more_shapes(system: System) -> tuple[int, ...]:
@@ -174,30 +183,42 @@ def budget_of(
 
 def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
     """Errors of the model, of the steps and of rounding; and whether the run goes beyond its horizon."""
-    solution = runs.solution  # as the run of `value`, and saved when the others are
+    solution, more_shapes = runs.solution, runs.richer or ()  # saved when the others are
+    # What a quantity of one's own takes is not known, so each of its answers is a program of its own.
+    answers = [quantity(run) for run in (solution, runs.finer, runs.aside, *more_shapes)]
+    few, many = _more_shapes(system)
+    return _compared(value, answers, runs, np.array([system.basis.n, few, many], value.dtype))
 
-    def asked(run):  # of a run that stopped: nothing
-        return jnp.where(_ended(run, solution), quantity(run), jnp.nan)
 
-    fine, value = asked(runs.finer), jnp.where(_ended(solution, runs.finer), value, jnp.nan)
+@tracing.run_seldom
+def _compared(value, answers, runs: FinerRuns, shapes) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
+    """`_parts` by the answers of all `runs`."""
+    solution = runs.solution
+
+    def ended(run, answer):  # of a run that stopped: nothing
+        return jnp.where(_ended(run, solution), answer, jnp.nan)
+
+    own, of_finer, of_aside, *of_richer = answers
+    fine, value = ended(runs.finer, of_finer), jnp.where(_ended(solution, runs.finer), value, jnp.nan)
     lost = parted(solution, runs.finer) | parted(solution, runs.aside)
-    moved = jnp.abs(asked(runs.aside) - quantity(solution)) / NUDGE[solution.ts.dtype.name]
+    moved = jnp.abs(ended(runs.aside, of_aside) - own) / NUDGE[solution.ts.dtype.name]
     steps = jnp.sqrt(1.0 + solution.stats["num_steps"])
     rounding = jnp.finfo(value.dtype).eps * steps * (moved + jnp.abs(value))
     model = jnp.zeros_like(value)
     if runs.richer is not None:
-        less, more = map(asked, runs.richer)
-        few, many = _more_shapes(system)
+        less, more = map(ended, runs.richer, of_richer)
+        least, few, many = shapes
         # By both pairs, as either may agree by chance.
-        of_two, of_all = _beyond(few, less, many, more), _beyond(system.basis.n, fine, many, more)
+        of_two, of_all = _beyond(few, less, many, more), _beyond(least, fine, many, more)
         model = jnp.abs(fine - more) + jnp.maximum(of_two, of_all)
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
     return (model, step, rounding), lost
 
 
-_limits = eqx.filter_jit(model_limits)  # one program: its eager steps take longer than a short run
+_limits = tracing.run_seldom(model_limits)  # one program: its eager steps take longer than a short run
 
 
+@tracing.run_seldom
 def _strain(system: System, solution: Solution) -> Float[Array, ""] | None:
     hooke = isinstance(system.rod, Rod) and system.rod.linear
     if not (hooke and system.basis.n and isinstance(solution.states, State)):
@@ -209,8 +230,13 @@ def parted(one: Solution, other: Solution) -> Bool[Array, ""]:
     """Whether two runs point elsewhere at a time that both saved."""
     if not (isinstance(one.states, State) and isinstance(other.states, State) and one.ts.shape == other.ts.shape):
         return jnp.asarray(False)
-    square = jnp.sum((one.states.direction - other.states.direction) ** 2, axis=-1)
-    return jnp.any((square > _APART**2) & (one.ts == other.ts))
+    return _parted(one.ts, one.states.direction, other.ts, other.states.direction)
+
+
+@tracing.run_seldom
+def _parted(ts, direction, other_ts, other_direction) -> Bool[Array, ""]:
+    square = jnp.sum((direction - other_direction) ** 2, axis=-1)
+    return jnp.any((square > _APART**2) & (ts == other_ts))
 
 
 def _ended(run: Solution, other: Solution) -> Bool[Array, ""]:
@@ -218,11 +244,12 @@ def _ended(run: Solution, other: Solution) -> Bool[Array, ""]:
     return run.ok | ((run.result == Result.coarse) & (run.ts[-1] == other.ts[-1]))
 
 
-def _beyond(few: int, less: Array, many: int, more: Array) -> Array:
+def _beyond(few: Array, less: Array, many: Array, more: Array) -> Array:
     """What shapes beyond `many` would still change, if the errors of `less` and `more` fall as 1 / shapes."""
     return jnp.abs(more - less) * few / (many - few)
 
 
+@tracing.run_seldom
 def nudged(start: State, by: float) -> State:
     """A start turned by about `by` rad, stretched by that strain, and faster by that part."""
     d = start.direction + by * _aside(start.direction)

@@ -14,7 +14,7 @@ from ..core.precision import in_type
 from ..mechanics.system import System
 from ..motions.state import State
 from ..runs.defaults import by_equal_steps, solvers
-from ..runs.execution import solve
+from ..runs.execution import SELDOM, solve
 from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
 from ..shapes.basis import AbstractBasis
@@ -40,7 +40,7 @@ class Question:
 
     def run(self, system: System, start: State, **how: Any) -> Solution:
         ts = self.ts.astype(start.direction.dtype)
-        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **how)
+        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **{"seldom": True, **how})
 
     def answer(self, solution: Solution) -> np.ndarray:
         """The quantity, NaN if the run does not reach its end."""
@@ -48,10 +48,11 @@ class Question:
 
 
 class Rung(NamedTuple):
-    """A scene with a basis, its start, the quantity by fine steps, and the run of these."""
+    """A scene with a basis, the same `projected`, its start, the quantity by fine steps, and the run of these."""
 
     basis: AbstractBasis
     system: System
+    projected: System
     start: State
     value: np.ndarray
     fine: Solution
@@ -122,13 +123,15 @@ def fewest(off: Callable[[float], float], least: float, begin: float, order: int
 def _tried(question: Question, rung: Rung, solver: Any, dtype: str, steps: float) -> Way:
     """One run.  Of a solver that adapts its steps `steps` stands for the tolerance, with whose power their number grows."""
     progress.say(f"{named(rung.basis)} by {steps:.3g} steps of {type(solver).__name__}, {dtype}")
-    system, start = in_type(dtype, (rung.system, rung.start))
+    # In float32 the numbers of the rod are rounded before it is projected, as in a run of one's own.
+    system = rung.projected if dtype == "float64" else in_type(dtype, rung.system)
+    start, seldom = in_type(dtype, rung.start), rung.fine_steps < SELDOM
     if by_equal_steps(solver):
         setting = float(round(steps))
-        solution = question.run(system, start, solver=solver, n_steps=round(steps))
+        solution = question.run(system, start, solver=solver, n_steps=round(steps), seldom=seldom)
     else:
         setting = max(steps ** -solver.order(None), LEAST_TOLERANCE[dtype])
-        solution = question.run(system, start, tolerance=setting)
+        solution = question.run(system, start, tolerance=setting, seldom=seldom)
     taken, off = float(solution.stats["num_steps"]), apart(question.answer(solution), rung.value)
     cost = cost_model.seconds(dataclasses.replace(system, basis=rung.basis), solver, taken)
     return Way(rung, solver, dtype, int(taken), setting, off, cost)

@@ -3,11 +3,10 @@
 import dataclasses
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 
 from .. import continuum
-from ..core import validation
+from ..core import tracing, validation
 from ..mechanics.chart import Director, Strains
 from ..mechanics.equations import Condensed
 from ..mechanics.lagrangian import solve_positive
@@ -19,6 +18,7 @@ from ..rods.rod import Rod
 from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic
 from ..shapes.load_basis import LoadRitz
 from ..shapes.padding import FirstShapes
+from ..shapes.projected import Projected
 
 _ORDER = 24  # nodes for each panel
 _SIZES = (6, 12, 24)  # of arrays that several rungs share
@@ -76,12 +76,20 @@ def rung(system: System, basis: AbstractBasis) -> System:
     return dataclasses.replace(system, basis=basis, forces=forces)
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def brought(system: System, start: State, basis: AbstractBasis, static: bool, t0: Any) -> tuple[System, State]:
     """The scene on another rung, of which a `Lumped` body has one; `static`: with the strain that rests there at t0."""
     if not isinstance(system.rod, Lumped):
         system, start = on_rung(system, start, basis)
     return system, at_rest(system, start, t0) if static else start
+
+
+@tracing.run_seldom
+def projected(system: System) -> System:
+    """The scene for several programs, which do not project the rod again."""
+    if isinstance(system.rod, Lumped) or isinstance(system.basis, QuasiStatic):
+        return system
+    return dataclasses.replace(system, basis=Projected(system.basis, system.body))
 
 
 def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:

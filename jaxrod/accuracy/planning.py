@@ -18,9 +18,10 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array, Float
 
 from .. import continuum
-from ..core import progress, validation
+from ..core import progress, tracing, validation
 from ..core.precision import in_type
 from ..mechanics.system import System
 from ..motions.state import State
@@ -32,7 +33,7 @@ from ..shapes.basis import AbstractBasis, ForceRitz, QuasiStatic, Ritz
 from ..shapes.load_basis import LoadRitz
 from .error_budget import NUDGE, nudged, parted
 from .fewest_steps import Question, Rung, Way, ways_of
-from .ladder import brought, condensable, padded, richer
+from .ladder import brought, condensable, padded, projected, richer
 from .quantity import AbstractQuantity, FinalAngle, FinalTip, as_quantity
 from .reference import apart, comparable, exact_answer
 from .run_plan import Plan, named, step_rate
@@ -191,8 +192,8 @@ class _Search:
         """By how many times what each number is rounded by the answer moves, and by how much in float64, or by finer steps if
         that is more; inf beyond the horizon."""
         nudge = NUDGE["float64"]
-        finest = self.question.run(rung.system, rung.start, tolerance=_FINEST)
-        aside = self.question.run(rung.system, nudged(rung.start, nudge), tolerance=_FINE)
+        finest = self.question.run(rung.projected, rung.start, tolerance=_FINEST)
+        aside = self.question.run(rung.projected, nudged(rung.start, nudge), tolerance=_FINE)
         if bool(parted(rung.fine, finest) | parted(rung.fine, aside)):
             return math.inf, math.inf
         moved = apart(self.question.answer(aside), rung.value) / nudge + float(np.max(np.abs(rung.value)))
@@ -219,7 +220,7 @@ class _Search:
             return 0.0, 0.0
         system, start = self.system, self.start
         t0, t1 = (jnp.asarray(t, float) for t in (self.question.t0, self.question.ts[-1]))
-        turning = float(Scales.of(system.discrete, start, t0, t1).mean)
+        turning = float(_turning(system, start, t0, t1))
         delta = (
             turning / (2 * math.pi * float(continuum.natural_frequencies(dataclasses.replace(system, forces=()), 1)[0]))
         ) ** 2
@@ -238,8 +239,9 @@ class _Search:
         if named(basis) not in self.tried:
             progress.say(f"{named(basis)} by fine steps")
             system, start = brought(self.system, self.start, padded(basis), self.static, self.question.t0)
-            fine = self.question.run(system, start, tolerance=_FINE)
-            self.tried[named(basis)] = Rung(basis, system, start, self.question.answer(fine), fine)
+            ready = projected(system)
+            fine = self.question.run(ready, start, tolerance=_FINE)
+            self.tried[named(basis)] = Rung(basis, system, ready, start, self.question.answer(fine), fine)
         return self.tried[named(basis)]
 
     def ways(self, rung: Rung, known: float, rounding: float, growth: float) -> Iterator[Way]:
@@ -270,3 +272,9 @@ class _Search:
             unit=self.question.quantity.unit,
             why=why,
         )
+
+
+@tracing.run_seldom
+def _turning(system: System, start: State, t0, t1) -> Float[Array, ""]:
+    """How fast the rod turns, in rad/s."""
+    return Scales.of(system.discrete, start, t0, t1).mean

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core import tracing
 from ..core.precision import in_type
 from ..mechanics.system import System
 from ..motions.state import State
@@ -72,6 +73,7 @@ class Plan(eqx.Module):
         return {"solver": self.solver, "n_steps": jnp.maximum(steps, 1)}
 
 
+@tracing.run_seldom
 def step_rate(system: System, start: State, t0: Any, t1: Any) -> Float[Array, ""]:
     """What steps are measured by, in rad/s: the lowest axial rate of the rung, else its turning, however long it runs."""
     scales = Scales.of(system.discrete, start, jnp.asarray(t0, float), jnp.asarray(t1, float))

@@ -165,7 +165,8 @@ def _tradeoff(
         name = named(way.basis)
         say(f"way {done + 1} of {len(ways)}, {name} by {type(way.solver).__name__}; {passed:.0f} of {seconds:.3g} s")
         if name not in own:
-            fine = solve(*brought(system, start, padded(way.basis), static, t0), t0=t0, ts=ts, tolerance=_FINE)
+            scene, begin = brought(system, start, padded(way.basis), static, t0)
+            fine = solve(scene, begin, t0=t0, ts=ts, tolerance=_FINE, seldom=True)
             own[name] = float(jnp.nan_to_num(jnp.max(jnp.abs(quantity(fine) - true))))
         found = _measured(way, system, start, quantity, t0, ts, static, true)
         rows += [row._replace(error=max(row.error, own[name])) for row in found]
@@ -200,7 +201,7 @@ def _measured(way: _Way, system, start, quantity, t0, ts, static: bool, true) ->
     scene, begin, ts_ = in_type(way.dtype, (scene, begin, ts))
     solver, equal = way.solver, by_equal_steps(way.solver)
     if equal:
-        plain = solve(scene, begin, t0=t0, ts=ts_)
+        plain = solve(scene, begin, t0=t0, ts=ts_, seldom=True)
         settings = sorted({max(ts.size, int(plain.stats["num_steps"] * x)) for x in _FRACTIONS})
     else:
         settings = _TOLERANCES
@@ -235,7 +236,7 @@ def _reference(system, start, quantity, t0, ts, static: bool):
         return exact.value, max(exact.apart, _KNOWN * float(np.max(np.abs(exact.value)))), "the exact rod"
     rungs = [richer(system)(n) for n in _BEST]
     poorer, best = (
-        quantity(solve(*brought(system, start, padded(basis), static, t0), t0=t0, ts=ts, tolerance=_FINE))
+        quantity(solve(*brought(system, start, padded(basis), static, t0), t0=t0, ts=ts, tolerance=_FINE, seldom=True))
         for basis in rungs
     )
     return best, float(jnp.max(jnp.abs(best - poorer))), named(rungs[-1])

@@ -2,14 +2,13 @@
 
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..core import validation
+from ..core import tracing, validation
 from ..rods.quadrature import Panels
 from ..rods.rod import Rod
 from ..rods.section import Cone, Profile, Uniform
@@ -27,7 +26,7 @@ def held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[A
     return _held_free(held, free, validation.count("n", n, 1, "roots"))
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _held_free(held: Float[Array, ""], free: Float[Array, ""], n: int) -> Float[Array, " n"]:
     def equation(kappa, radii):
         held, free = radii
@@ -52,7 +51,7 @@ def _radii(**radii: Any) -> list[Array]:
     return [validation.not_negative(name, radius, "m", "metres") for name, radius in radii.items()]
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _free_free(first: Float[Array, ""], second: Float[Array, ""], n: int) -> Float[Array, " n"]:
     def equation(kappa, radii):
         first, second = radii
@@ -75,7 +74,7 @@ def release(system: Any, strain: Float[Array, ""], ts: Float[Array, " T"], n: in
     return _release(rod, root, tip, strain, ts, validation.count("n", n, 1, "terms"))
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _release(rod: Rod, root, tip, strain, ts: Float[Array, " T"], n: int) -> Float[Array, " T"]:
     kappa = _held_free(root, tip, n)
     waves = Panels(jnp.linspace(0.0, 1.0, n // 2 + 2), 16)  # a wave of the highest mode to a panel, or less

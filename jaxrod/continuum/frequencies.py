@@ -6,11 +6,10 @@ y = x + W^2 F F^T y in mass-weighted numbers.
 
 from typing import Any
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import precision, progress, validation
+from ..core import precision, progress, tracing, validation
 from ..core.linear_algebra import inverse_root, singular_values
 from ..core.units import Number
 from ..motions.stiffening import warn_of_forces
@@ -105,7 +104,7 @@ def steady_spin(system: Any, rate: Number) -> Float[Array, ""]:
     return _steady_tip(rod, pivot, flying, validation.number("rate", rate, unit="rad/s"), order_for(rod, pivot, 1))
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _natural(rod: Rod, pivot: Any, free: bool, n: int, order: int) -> Float[Array, " n"]:
     # The parts of a rod held inside are taken one by one: where their frequencies coincide each keeps its own derivative.
     sigma = [singular_values(side, n) for side in axial(rod, pivot, free, order).sides]
@@ -120,13 +119,13 @@ def at_rest_in_spin(held: AxialCompliance, rate: Float[Array, ""]) -> Float[Arra
     return root @ (root.T @ held.lever)
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _steady_tip(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], order: int) -> Float[Array, ""]:
     held = axial(rod, pivot, free, order)
     return rate**2 * (held.tip @ (held.F.T @ at_rest_in_spin(held, rate)))
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _spinning(rod: Rod, pivot: Any, free: bool, rate: Float[Array, ""], n: int, order: int) -> Float[Array, " n"]:
     """K - W^2 + 4 W^2 Y Y^T / J in the forces p, u = F p: (1 - W^2 F^T F + ...) p = omega^2 F^T F p, and no inverse of F."""
     held = axial(rod, pivot, free, order)

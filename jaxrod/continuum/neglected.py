@@ -17,6 +17,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
+from ..core import tracing
 from ..core.linear_algebra import singular_values, svd
 from ..rods.rod import Rod
 from .compliance import axial, support
@@ -75,7 +76,7 @@ def model_limits(system: Any) -> ModelLimits:
     return _limits(rod, pivot, held)
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _limits(rod: Rod, pivot: Any, support: str) -> ModelLimits:
     s, ds = rod.quadrature()
     radius_of_gyration = jnp.sum(ds * jnp.sqrt(_second_moment(rod, s) / rod.area(s))) / rod.length

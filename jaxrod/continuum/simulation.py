@@ -90,6 +90,26 @@ def simulate(
     >>> print(sol.angle.round(7), sol.tip_stretch.round(6), bool(sol.error.angle.max() < 1e-7))
     [0.7135833 1.4042295] [-0.00118  -0.001781] True
     """
+    return by_first_modes(
+        modes,
+        system,
+        start,
+        ts=ts,
+        t0=t0,
+        static=static,
+        modes=modes,
+        tolerance=tolerance,
+        error=error,
+        adjoint=adjoint,
+    )
+
+
+def by_first_modes(
+    kept: int, system: Any, start: State, *, ts: Row, t0: Number = 0.0, static: bool = False, modes: int = 64,
+    tolerance: Number = 1e-12, error: bool = True, adjoint: diffrax.AbstractAdjoint | None = None,
+) -> ContinuumSolution:  # fmt: skip
+    """`simulate` in arrays of `modes`, of which without `error` those after the first `kept` carry nothing: runs of several
+    `kept` are one program."""
     rod, pivot, _ = support(system)
     _check(system, start, modes, static, error, adjoint)
     modes, dtype = int(modes), precision.float_type(system, start)
@@ -115,10 +135,10 @@ def simulate(
     knots, unknown = known_knots(system, None, t0, saved[-1])
     with forward_refused(_FORWARD), progress.line("continuum.simulate"):
         solution, beyond, unseen = _run(
-            system, start, t0, saved, static, modes, tolerance, error, order, backwards, knots
+            system, start, t0, saved, static, modes, jnp.asarray(kept), tolerance, error, order, backwards, knots
         )
     if validation.fails(lambda unseen: ~unseen, unseen):
-        warnings.warn(Result.unseen.sentence, stacklevel=2)
+        warnings.warn(Result.unseen.sentence, stacklevel=3)
     lost = (False if tracing.known(unseen) else unseen) | (False if unknown is None else unknown)
     solution = dataclasses.replace(solution, ended=solution.ended & jnp.logical_not(lost))
     solution = reversible(solution, 0, _BACKWARD) if forwards else solution
@@ -223,21 +243,20 @@ class _Run(NamedTuple):
 
 @eqx.filter_jit
 def _run(
-    system, start, t0, ts, static, modes, tolerance, error, order, adjoint, knots
+    system, start, t0, ts, static, modes, kept, tolerance, error, order, adjoint, knots
 ) -> tuple[ContinuumSolution, Array, Array]:  # fmt: skip
     rod, pivot, free = support(system)
     all_waves = waves(rod, pivot, free, modes, order)
     looked = Preview.of(system.discrete, start, t0, ts[-1], knots)
     stops = Stops.of(t0, ts, knots, looked).distinct(t0)
     if error:  # one after the other by one program: half the modes are all of them, of which half carry nothing
-        kept, tolerances = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
-        runs = jax.lax.map(
-            lambda x: _solve(system, all_waves, start, t0, ts, static, x[0], x[1], adjoint, stops), (kept, tolerances)
-        )
+        both = jnp.array([modes, modes // 2]), jnp.stack([tolerance, 10 * tolerance])
+        runs = jax.lax.map(lambda x: _solve(system, all_waves, start, t0, ts, static, x[0], x[1], adjoint, stops), both)
         run, coarse = (jax.tree.map(lambda x: x[i], runs) for i in (0, 1))  # noqa: B023
         errors = _difference(run, coarse)
     else:
-        run, errors = _solve(system, all_waves, start, t0, ts, static, modes, tolerance, adjoint, stops), None
+        run, errors = _solve(system, all_waves, start, t0, ts, static, kept, tolerance, adjoint, stops), None
+        all_waves = all_waves.first(kept)
     solution = ContinuumSolution(
         ts,
         run.states,

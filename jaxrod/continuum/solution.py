@@ -49,8 +49,7 @@ class ContinuumSolution(eqx.Module):
     def ok(self) -> Bool[Array, ""]:
         """Whether the run reached its end, finite and nowhere pressed together to nothing (strain -1): at the times `ts`, and
         at a thousand between them (at fewer sections)."""
-        lowest = jnp.min(jax.vmap(self.waves.strain)(self.states.amplitudes))
-        return self.ended & (jnp.minimum(lowest, self.lowest) > -1)
+        return self.ended & (jnp.minimum(_lowest(self.waves, self.states.amplitudes), self.lowest) > -1)
 
     @property
     def angle(self) -> Float[Array, " T"]:
@@ -121,3 +120,8 @@ class ContinuumSolution(eqx.Module):
                 f"half the modes change angle, rate, tip by {worst[0]:.1e} rad, {worst[1]:.1e} rad/s, {worst[2]:.1e} m"
             )
         return "\n".join(lines)
+
+
+@tracing.run_seldom
+def _lowest(waves: Waves, amplitudes: Float[Array, "T modes"]) -> Float[Array, ""]:
+    return jnp.min(jax.vmap(waves.strain)(amplitudes))

@@ -72,7 +72,7 @@ def _try_power(force: AbstractForce, t, state: State, body: Callable[[], Project
         raise ValueError(f"{name} is not linear in the virtual velocity; give a function {wanted}.")
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _not_linear(force, t, state, rate, body):
     """By how much the power of a sum is not the sum of the powers, and their size."""
     one, other = (jax.tree.map(lambda x, k=k: x * k + k - 2, rate) for k in (1.0, 3.0))

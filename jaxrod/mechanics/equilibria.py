@@ -9,7 +9,7 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Float
 
-from ..core import precision, progress, validation
+from ..core import precision, progress, tracing, validation
 from ..core.linear_algebra import one_by_one, pinv
 from ..motions.state import State
 from ..shapes.projection import Projection
@@ -100,7 +100,7 @@ def _none_found(system: System, given: dict[str, Any], error, lowest) -> str:
     return f"{found} Possible causes: {listed or 'the loads have no balance'}."
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _search(system, angle, spin, momentum):
     dtype = precision.float_type(system, angle, spin, momentum)
     scene = system.discrete

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
-from ..core import precision, units, validation
+from ..core import precision, tracing, units, validation
 from ..core.units import Number, Row
 from ..integrators.splitting import AbstractSplitting
 from ..motions.force import AbstractForce
@@ -348,7 +348,7 @@ def check_state(system: System, state: Any, name: str = "state") -> None:
     check_shapes(system.motion, system.basis.n, state, name)
 
 
-@eqx.filter_jit  # asked for in many places of a program, it is traced once for all of them
+@tracing.run_seldom  # asked for in many places of a program, it is traced once for all of them
 def _projected(basis: AbstractBasis, rod: Rod | Lumped, pivot, free: bool) -> Projection:
     # In the widest type there is: the shapes of a strong taper nearly cancel, and float32 has no digits to spare.
     wide_rod, wide_pivot = precision.in_type(jnp.result_type(float), (rod, pivot))

@@ -58,7 +58,7 @@ def _looked_at(system: System) -> Float[Array, " n"]:
     return frequencies
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _natural_frequencies(system):
     """The frequencies, and by which part lateral inertia may lower the first: nu^2 k^2 r^2 / 4, Poisson's ratio nu = 1/2."""
     frequencies = _frequencies_of(system.body, system.basis.n)
@@ -184,7 +184,7 @@ def modes(system: System, about: State | None = None) -> Modes:
     return Modes(frequency, growth, direction, amplitudes)
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _modes(system, about):
     spin = about.rate if about.planar else about.azimuth_rate
     scene = system.discrete

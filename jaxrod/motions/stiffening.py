@@ -4,7 +4,6 @@ import dataclasses
 import warnings
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 
@@ -32,7 +31,7 @@ def warn_of_forces(name: str, system: Any) -> None:
         )
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _share(system):
     """Stiffness of the forces over that of the rod."""
     stiffness = jax.jacfwd(_pushes(system))(jnp.zeros(system.basis.n))

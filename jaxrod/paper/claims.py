@@ -4,13 +4,13 @@ import math
 import pathlib
 from typing import Any, NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
 from .. import continuum, plot
+from ..core import tracing
 from ..mechanics import vibration
 from ..mechanics.system import System
 from ..motions.motion import Flight, Rotation
@@ -121,7 +121,7 @@ def _energy(runs) -> Claim:
     )
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _energy_and_weight(system: System, states: State) -> tuple[Float[Array, " T"], Float[Array, " T"]]:
     return jax.vmap(lambda state: (system.energy(state), system.gravity_energy(state)))(states)
 
@@ -195,7 +195,7 @@ def _plane_motion() -> Claim:
     )
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _about_center(rod: Rod) -> tuple[Float[Array, ""], Float[Array, ""]]:
     return rod.moment_of_inertia(rod.center_of_mass), rod.stiffness
 

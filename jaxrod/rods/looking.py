@@ -4,7 +4,6 @@ import dataclasses
 import warnings
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -125,12 +124,12 @@ def _steepest(part: Any, length: float, ends: np.ndarray) -> tuple[float, float]
     return (begin[worst], end[worst]) if off[worst] > _STEEP * np.max(np.abs(values)) else None
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _slope(part: Any, length, s):
     return jax.jvp(lambda s: part.area(s, length), (s,), (jnp.ones_like(s),))
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _area(part: Any, length, s):
     return part.area(s, length)
 

@@ -10,7 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from .. import continuum
-from ..core import progress
+from ..core import progress, tracing
 from ..core.linear_algebra import mappable
 from ..core.result import Result
 from ..integrators.compensation import Tracked, Tracking
@@ -35,7 +35,7 @@ _DIVERGED = 1e6
 
 
 @forward_refused()
-@eqx.filter_jit
+@tracing.program
 def integrate(
     system: System | Lagrangian,
     start: Any,  # State | Phase

@@ -32,6 +32,7 @@ from .invariants import is_closed
 from .solution import Solution
 from .step_policy import StepPolicy
 
+SELDOM = 2e5  # steps, below which the few runs of a program are over sooner than it is optimised
 _LOCAL = 1e-4  # error of a step over `tolerance`
 _CLOSER = 8  # steps in one that was too long for a load
 _LEAST_LOCAL = {"float64": 7e-15, "float32": 3e-8}  # below it rounding is all that the error estimate sees
@@ -56,7 +57,8 @@ class Request:
     """A run as it was asked for, every argument checked: of `simulate`, but for what it does with the solution.
 
     `scene` is `system` on a clock that shows zero when the run begins; `chosen`, the solver, and `why`; `equal`, whether it
-    goes by equal steps in one loop, and not through Diffrax; `unknown`, whether it leaves a `Record` (None: it does not).
+    goes by equal steps in one loop, and not through Diffrax; `unknown`, whether it leaves a `Record` (None: it does not);
+    `seldom`, whether its program is to run a few times.
     """
 
     system: System | Lagrangian
@@ -80,6 +82,7 @@ class Request:
     max_steps: int
     knots: Float[Array, " K"] | None
     unknown: Bool[Array, ""] | None
+    seldom: bool
 
     @staticmethod
     def checked(
@@ -100,6 +103,7 @@ class Request:
         adjoint: Any = None,
         progress_meter: Any = None,
         max_steps: Any = 2**20,
+        seldom: bool = False,
     ) -> "Request":
         """**Raises:** `ValueError` for arguments that make no sense; they are those of `simulate`."""
         arguments.check_scene(system, start, chart)
@@ -152,7 +156,7 @@ class Request:
         scene = system if times.clock is None else system.delayed(times.clock.astype(dtype))
         return Request(
             system, scene, start, times, ts, tolerance, chart, solver, chosen, why, equal, stepsize_controller, dt0, n_steps,
-            saveat, event, adjoint, progress_meter, max_steps, knots, unknown,
+            saveat, event, adjoint, progress_meter, max_steps, knots, unknown, seldom,
         )  # fmt: skip
 
 
@@ -209,6 +213,7 @@ def _by_equal_steps(request: Request, policy: StepPolicy) -> Solution:
         backwards=by_equal_steps(solver) and not forwards,
         knots=request.knots,
         policy=policy,
+        seldom=request.seldom,
     )
     return solution
 
@@ -240,6 +245,7 @@ def _through_diffrax(request: Request, solver: Any, why: str, longest: Any = Non
         max_steps=request.max_steps,
         longest=longest,
         knots=request.knots,
+        seldom=request.seldom,
     )
     return _explained(solution, why)
 

@@ -3,13 +3,12 @@
 import math
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import progress
+from ..core import progress, tracing
 from ..core.result import Result
 from ..integrators.fixed_step import Route, Walker, march
 from ..integrators.multistep import AbstractMultistep
@@ -57,7 +56,7 @@ def step_size(scales: Scales, solver: AbstractSymplectic, tolerance, policy: Ste
 
 
 @forward_refused()
-@eqx.filter_jit
+@tracing.program
 def step_through(
     system: System,
     start: State,

@@ -24,6 +24,7 @@ _RANGES = {"angle": "rad", "strain": "", "energy": "J"}  # that are printed, wit
 _SLOW_TURNING = 5  # bending frequency over turns a second above which a rod stays straight enough
 _SMALL_ERROR = 0.01
 _LARGE_STRAIN = 0.1
+_MANY = 1e5  # states, for which a program is worth optimising
 
 
 class Solution(eqx.Module):
@@ -116,7 +117,8 @@ class Solution(eqx.Module):
             raise ValueError(
                 "a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=."
             )
-        return _account(self.ts.ndim - 1, self.system, self.start, self.states, _numbers(self.stats))
+        few, stats = self.ts.size < _MANY, _numbers(self.stats)
+        return _account(self.ts.ndim - 1, self.system, self.start, self.states, stats, seldom=few)
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
@@ -140,7 +142,8 @@ class Solution(eqx.Module):
         return validation.along("s", s, self.system.rod.length)
 
     def _each(self, quantity: Callable, states: Any) -> Array:
-        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states)
+        few = self.ts.size < _MANY
+        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states, seldom=few)
 
     def complaint(self) -> str:
         """One sentence on how a run ended that did not reach its end."""
@@ -203,7 +206,7 @@ def _overdamped(system: System, start: State) -> bool:
     return bool(np.max(-rates.real, initial=0.0) > np.max(np.abs(rates.imag), initial=0.0))
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _slopes(system: System, start: State) -> tuple[Array, Array]:
     """Derivatives of the accelerations at the start, by coordinates and by velocities."""
     equations = system.equations(Strains() if system.motion.prescribed else Director())
@@ -211,7 +214,7 @@ def _slopes(system: System, start: State) -> tuple[Array, Array]:
     return jax.jacfwd(lambda q, v: equations.acceleration(0.0, q, v), argnums=(0, 1))(q, v)
 
 
-@eqx.filter_jit
+@tracing.program
 def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
     """A quantity of (system, t, state) at every time of every scene."""
     over = jax.vmap(quantity, in_axes=(None, 0, 0))
@@ -220,7 +223,7 @@ def _each(quantity: Callable, scenes: int, system, ts, states) -> Array:
     return over(system, ts, states)
 
 
-@eqx.filter_jit
+@tracing.run_seldom
 def _looked_over(system: Any, states: State) -> tuple[list, ModelLimits | None, Array, Array]:
     """What is printed of a run, by one program: ranges, limits of the model, turns a second, the largest strain."""
     scene = system.discrete
@@ -233,7 +236,7 @@ def _looked_over(system: Any, states: State) -> tuple[list, ModelLimits | None, 
     return ranges, limits, turning, largest
 
 
-@eqx.filter_jit
+@tracing.program
 def _account(scenes: int, system, start, states, stats) -> Ledger:
     of_one = account
     for _ in range(scenes):

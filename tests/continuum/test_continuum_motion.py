@@ -16,6 +16,7 @@ from conftest import scene
 import jaxrod
 from jaxrod import continuum
 from jaxrod.accuracy.ladder import on_rung
+from jaxrod.continuum.simulation import by_first_modes
 
 STILL = jaxrod.Driven(lambda t: 0.0 * t)
 
@@ -473,3 +474,16 @@ def test_pressed_to_nothing_between_the_times():
     start = system.state(rate=3 * jaxrod.continuum.critical_rate(system))
     for ts, ok in ((jnp.array([0.05]), True), (jnp.array([0.1]), False)):
         assert bool(jaxrod.continuum.simulate(system, start, ts=ts, modes=32, error=False).ok) == ok
+
+
+def test_first_modes_in_larger_arrays(scene):
+    """As a run of so many modes by itself: what stands behind them carries nothing."""
+    system = scene(gravity=9.81)
+    start, ts = system.state(rate=12.0, strain=0.02), jnp.array([0.05, 0.1])
+    alone = jaxrod.continuum.simulate(system, start, ts=ts, modes=6, error=False)
+    padded = by_first_modes(6, system, start, ts=ts, modes=12, error=False)
+    whole = by_first_modes(12, system, start, ts=ts, modes=12, error=False)
+    np.testing.assert_allclose(padded.tip, alone.tip, atol=1e-10)
+    np.testing.assert_allclose(padded.strain, alone.strain, atol=1e-9)
+    np.testing.assert_allclose(padded.angle, alone.angle, atol=1e-10)
+    assert np.max(np.abs(whole.tip - alone.tip)) > 1e-6

@@ -1,11 +1,14 @@
 """A rung in arrays of more shapes is that rung: its frequencies and its motion."""
 
+import dataclasses
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import jaxrod
-from jaxrod.accuracy.ladder import brought, first_shapes, padded
+from jaxrod.accuracy.ladder import brought, first_shapes, padded, projected
 
 
 @pytest.mark.parametrize("basis", [jaxrod.LoadRitz(2), jaxrod.LoadRitz(4), jaxrod.ForceRitz(3)], ids=repr)
@@ -26,3 +29,23 @@ def test_sizes():
     assert padded(jaxrod.LoadRitz(4)).n == 6 and padded(jaxrod.LoadRitz(9)).n == 12
     for alone in (jaxrod.Ritz(1), jaxrod.LoadRitz(1), jaxrod.QuasiStatic(jaxrod.LoadRitz(2))):
         assert padded(alone) is alone
+
+
+@pytest.mark.parametrize("basis", [jaxrod.Ritz(1), jaxrod.LoadRitz(2), first_shapes(jaxrod.ForceRitz(2), 6)], ids=repr)
+@pytest.mark.parametrize("motion", [jaxrod.Rotation(0.4), jaxrod.Flight()], ids=repr)
+def test_projected_once(scene, basis, motion):
+    """The same numbers, with no look at the rod."""
+    system = scene(motion, basis, gravity=9.81)
+    once, start = projected(system), system.state(rate=12.0, amplitudes=[0.02] + [0.0] * (basis.n - 1))
+    for one, other in zip(jax.tree.leaves(once.body), jax.tree.leaves(system.body), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-15, atol=0)
+    runs = [jaxrod.simulate(x, start, t1=0.2) for x in (system, once)]
+    np.testing.assert_allclose(runs[1].tip, runs[0].tip, atol=1e-13)
+    heavier = dataclasses.replace(system.rod, density=2 * system.rod.density)
+    masses = [dataclasses.replace(x, rod=heavier).body.mass / x.body.mass for x in (system, once)]
+    np.testing.assert_allclose(masses, [2.0, 1.0])
+
+
+def test_what_has_no_projection_of_its_own(scene):
+    for system in (scene(basis=jaxrod.QuasiStatic(jaxrod.LoadRitz(2))), scene(rod=jaxrod.Lumped(1.0, 0.5, 100.0, 1.0))):
+        assert type(projected(system).basis) is type(system.basis)
