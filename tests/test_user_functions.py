@@ -124,6 +124,7 @@ def test_viscosity_is_left_out_where_the_strain_has_no_rate(scene, uniform):
         assert len(other.forces) == count
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("time", "told"), [(1.0, True), (1e-5, False)])
 def test_overdamped_runs_are_told_of_an_implicit_solver(time, told, scene, uniform):
     system = scene(forces=[jaxrod.KelvinVoigt(time)], rod=uniform)

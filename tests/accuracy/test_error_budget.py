@@ -54,6 +54,7 @@ def test_first_frequency_of_cones_in_closed_form():
             assert off <= budget.bound <= max(10 * off, 1e-12)
 
 
+@pytest.mark.slow
 def test_more_shapes_that_agree_by_chance_are_not_the_truth():
     """What is left beyond the shapes that were tried is never taken for nothing: errors may fall as slowly as 1 / n."""
     system, start = _sudden(3)

@@ -37,6 +37,7 @@ def test_no_luck(monkeypatch):
     assert len(errors) >= 20 and 4.9e-3 < min(errors) < 5.1e-3
 
 
+@pytest.mark.slow
 def test_its_own_rung_comes_first(monkeypatch, scene):
     """And rungs that are far apart, before other types and solvers; without time one way is tried, and all are counted."""
     system = scene(basis=jaxrod.Ritz(4), gravity=9.81)
@@ -69,6 +70,7 @@ def test_of_a_scene(cone, tmp_path, monkeypatch):
     assert (tmp_path / "front.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_static_starts_stay(cone):
     """Steadily turning without gravity, every rung keeps the strain that it starts with."""
     system = jaxrod.System(cone, jaxrod.Rotation(), jaxrod.Ritz(1))
@@ -126,6 +128,7 @@ def number():
 """
 
 
+@pytest.mark.slow
 def test_command_line_with_a_scene_of_ones_own(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sys.modules["jaxrod.accuracy.work_precision"], "RUNGS", (jaxrod.Ritz(0), jaxrod.Ritz(1)))
     (tmp_path / "own.py").write_text(OWN)
@@ -136,6 +139,7 @@ def test_command_line_with_a_scene_of_ones_own(tmp_path, monkeypatch, capsys):
     assert "a pendulum" in capsys.readouterr().out and (tmp_path / "out" / "pendulum.png").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_blow():
     """A fixed root doubles the wave of a blow at the tip; uniform strain, struck like an oscillator, feels less than half."""
     scene = jaxrod.scenes.impact()

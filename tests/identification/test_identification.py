@@ -37,6 +37,7 @@ def test_modulus_alone_from_the_contract():
     assert float(found.parameters["young"]) == pytest.approx(1e7, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_standard_errors_are_the_spread_of_repeated_measurements():
     """Linear error propagation against 40 noisy repetitions: their spread, within its own sampling error of 11 %."""
     rng, sigma = np.random.default_rng(0), 0.05

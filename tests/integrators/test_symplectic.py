@@ -120,6 +120,7 @@ def test_steps_are_chosen_by_the_tolerance(scene):
         assert steps == sorted(steps) and steps[0] < steps[-1] / 2
 
 
+@pytest.mark.slow
 def test_why(scene):
     """`stats` says which road was taken and why, through transformations too."""
     system = scene(gravity=9.81)
@@ -135,6 +136,7 @@ def test_why(scene):
     assert "saveat" in jaxrod.simulate(system, start, t1=0.1, saveat=diffrax.SaveAt(t1=True)).stats["why"]
 
 
+@pytest.mark.slow
 def test_where_equal_steps_fail_others_are_taken(scene):
     """A fall through the pivot ends equal steps; known numbers are run again with steps that adapt."""
     system = scene()
@@ -272,6 +274,7 @@ def test_fast_loads_are_resolved(scene, forces):
     assert jnp.max(jnp.abs(sol.tip - fine.tip)) < 1e-8
 
 
+@pytest.mark.slow
 def test_a_pulse_is_met(scene):
     """Of 20 us in a second: where equal steps met it, those that adapt do not step over it."""
     pulse = jaxrod.Torque(lambda t, state: 1e5 * jnp.exp(-(((t - 0.5037) / 2e-5) ** 2)))

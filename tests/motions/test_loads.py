@@ -171,6 +171,7 @@ def test_base_that_cannot_be_differentiated_is_said(uniform, method):
         _shaken(jaxrod.ShakenBase(lambda t: jnp.stack([along(t), 0.0 * t])))
 
 
+@pytest.mark.slow
 def test_jumps_and_kinks_beside_other_motion_are_said(uniform):
     """What is not accelerated there is so, whatever else moves; a sine of 900 periods is seen."""
     moves = [
@@ -199,6 +200,7 @@ class Own(jaxrod.AbstractForce):
         pass
 
 
+@pytest.mark.slow
 def test_short_loads_that_read_the_state_are_said():
     """They are zero at each instant, at the start and beside it; what rests at the start alone is not questioned."""
     short = pulse(5.0, 1e-3)
@@ -216,6 +218,7 @@ def test_short_loads_that_read_the_state_are_said():
     assert jaxrod.simulate(system, system.state(), t1=0.3).rate[-1] == 0.0
 
 
+@pytest.mark.slow
 def test_modules_that_hold_functions():
     """A network, a partial, a drive: their functions are no numbers."""
 
@@ -285,6 +288,7 @@ def test_a_run_must_not_leave_a_record():
     np.testing.assert_array_equal(codes, [jaxrod.Result.ok, jaxrod.Result.invalid])
 
 
+@pytest.mark.slow
 def test_record_is_smooth_and_without_waves_at_jumps():
     def error(samples):
         times = jnp.linspace(0.0, 1.0, samples)

@@ -84,6 +84,7 @@ def test_events_and_saveat_have_the_users_time(cone):
     np.testing.assert_allclose(sol.states - EPOCH, [0.125, 0.25, np.nan], atol=1e-6)
 
 
+@pytest.mark.slow
 def test_records_on_the_same_clock(uniform):
     times = np.linspace(0.0, 0.5, 129)
     push = np.sin(2 * np.pi * times) ** 2

@@ -252,6 +252,7 @@ class _Oscillator(eqx.Module):
         return v @ v / 2 - self.stiffness * (q @ q) / 2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", ["closure", "module"])
 def test_user_lagrangians(made):
     """q = q0 cos(sqrt(k) t), by a function that closes over k and by a module that holds it."""
