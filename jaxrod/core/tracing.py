@@ -1,4 +1,5 @@
-"""What can be told of numbers and functions before they are computed: is a value known, what does a program depend on.
+"""What can be told of numbers and functions before they are computed: is a value known, what does a program depend on, which
+functions are alike; and how a function becomes one program.
 
 Under a transformation of JAX a number is *traced*: it has a shape and a type, and no value yet.
 """
