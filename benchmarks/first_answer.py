@@ -90,6 +90,41 @@ CALLS = {
 }
 
 
+KINDS = """
+import json, resource
+
+scenes = {
+    "a cone that swings": jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81),
+    "in space": jaxrod.System(rod, jaxrod.Spherical(), gravity=9.81),
+    "in flight": jaxrod.System(rod, jaxrod.Flight(), gravity=9.81),
+    "driven, evenly": jaxrod.System(rod, jaxrod.Driven(lambda t: 15.0 * t)),
+    "driven, faster and faster": jaxrod.System(rod, jaxrod.Driven(lambda t: 5.0 * t**2), jaxrod.LoadRitz(3)),
+    "about a pivot inside": jaxrod.System(rod, jaxrod.Rotation(0.4), gravity=9.81),
+    "a body at the tip": jaxrod.System(
+        jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.02), young=1e7, density=1200.0, tip_mass=0.3), jaxrod.Rotation(),
+        gravity=9.81,
+    ),
+    "of two materials": jaxrod.System(
+        jaxrod.Rod(length=1.0, section=jaxrod.Uniform(0.02), young=jaxrod.PiecewiseConstant([0.5], [1e7, 1e8]), density=1200.0),
+        jaxrod.Rotation(), gravity=9.81,
+    ),
+    "a force at the tip": jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81, forces=[jaxrod.TipForce(20.0)]),
+    "a motor's torque": jaxrod.System(rod, jaxrod.Rotation(), gravity=9.81, forces=[jaxrod.Torque(5.0)]),
+}
+spent = lambda: sum(resource.getrusage(resource.RUSAGE_SELF)[:2])
+for name, system in scenes.items():
+    start = system.state() if system.motion.prescribed else system.state(rate=8.0)
+    for lap in range(2):
+        began = spent()
+        found = jaxrod.plan(system, start, t1=0.5, quantity=jaxrod.FinalTip(), tolerance=1e-4)
+        lapse = spent() - began
+        if not lap:
+            first = lapse
+    memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+    print(json.dumps([name, repr(found).split(";")[0].split(": ", 1)[1], first, lapse, memory]))
+"""
+
+
 def process(code: str, cache: str) -> str:
     """What a process with this cache prints; everything of the library is imported before it begins."""
     environment = {**os.environ, "JAXROD_CACHE": cache, "EAGER_IMPORT": "1"}
@@ -109,6 +144,16 @@ def first_calls(repeats: int) -> list[list[str]]:
     return [
         [name, f"{first:.2f}", f"{first / unit:.2f}", f"{second:.3f}", f"{memory:.0f}"]
         for name, (first, second, memory) in least.items()
+    ]
+
+
+def plans(unit: float) -> list[list[str]]:
+    """Plans of ten kinds of scene in one process: CPU s of each, the second too, over `unit`, and the memory by then."""
+    with tempfile.TemporaryDirectory() as empty:
+        rows = map(json.loads, process(SCENE + KINDS, empty).splitlines())
+    return [
+        [name, found, f"{first:.2f}", f"{first / unit:.1f}", f"{second:.2f}", f"{memory:.0f}"]
+        for name, found, first, second, memory in rows
     ]
 
 
@@ -136,6 +181,7 @@ def main() -> None:
         "--repeats", type=int, default=3, help="processes of each, of which the least counts (default 3)"
     )
     repeats = parser.parse_args().repeats
+    calls = first_calls(repeats)
     head = ["call", "first, CPU s", "over the plain one", "second, CPU s", "memory, MB"]
     text = [
         "## First answer",
@@ -143,7 +189,13 @@ def main() -> None:
         "`python benchmarks/first_answer.py`: each call in a process of its own with an empty cache, imports apart; and again in "
         f"the same process. The least of {repeats} processes.",
         "",
-        report.table(head, first_calls(repeats)),
+        report.table(head, calls),
+        "",
+        "Plans to 1e-4 m of the tip after 0.5 s, one after the other in one process, over `simulate, Ritz(1)`:",
+        "",
+        report.table(
+            ["scene", "plan", "first, CPU s", "over a run", "second, CPU s", "memory, MB"], plans(float(calls[1][1]))
+        ),
         "",
         "Whole processes with a warm cache, imports and all:",
         "",
