@@ -38,9 +38,13 @@ def main() -> None:
         def known(p, height=height):
             return height([*[1.0] * 6, p[6]])
 
+        def by_start(p, height=height):
+            return jax.grad(lambda rate: height([*p[:6], rate]))(p[6])
+
         lanes = jnp.ones((64, 7)).at[:, 6].set(jnp.linspace(0.93, 1.07, 64))
         ways = {"run, of one rod": known, "run": height, "forward, one parameter": forward}
-        runs = {name: jax.jit(jax.vmap(f)) for name, f in {**ways, "backwards, all seven": jax.grad(height)}.items()}
+        ways |= {"backwards, the start": by_start, "backwards, all seven": jax.grad(height)}
+        runs = {name: jax.jit(jax.vmap(f)) for name, f in ways.items()}
         off = jnp.max(jnp.abs(runs["backwards, all seven"](lanes)[:, 0] / runs["forward, one parameter"](lanes) - 1))
         times = report.paired(
             {name: lambda f=f, lanes=lanes: jax.block_until_ready(f(lanes)) for name, f in runs.items()}, 9

@@ -130,7 +130,7 @@ def search(scene: Drawn, here: tuple, solver, fine_steps: float, truth, within: 
     single = start.direction.dtype == jnp.float32
     saved, before = scene.quantity.times(0.0, 1.0).size, np.inf
     if isinstance(solver, diffrax.Dopri8):
-        settings = [{"tolerance": 10.0**-k} for k in range(0, 6 if single else 13)]
+        settings = [{"tolerance": 10.0**-k} for k in range(1, 6 if single else 13)]
     else:
         counts = saved * FINER ** np.arange(60)
         settings = [{"solver": solver, "n_steps": round(n)} for n in counts if n < max(10 * fine_steps, 2 * saved)]

@@ -19,8 +19,9 @@ from ..runs.fixed_steps import LEAST_TOLERANCE
 from ..runs.solution import Solution
 from ..shapes.basis import AbstractBasis
 from . import cost_model
+from .ladder import unprojected
 from .quantity import AbstractQuantity
-from .reference import apart
+from .reference import apart, comparable
 from .run_plan import named
 
 _MOST_STEPS = 2**24
@@ -44,11 +45,13 @@ class Question:
 
     def answer(self, solution: Solution) -> np.ndarray:
         """The quantity, NaN if the run does not reach its end."""
+        if not comparable(self.quantity):  # a function of one's own may ask it of another rod
+            solution = dataclasses.replace(solution, system=unprojected(solution.system))
         return np.where(bool(solution.ok), np.asarray(self.quantity(solution), float), np.nan)
 
 
 class Rung(NamedTuple):
-    """A scene with a basis, the same `projected`, its start, the quantity by fine steps, and the run of these."""
+    """A scene with a basis, the same with its projection made, its start, the quantity by fine steps, and the run of these."""
 
     basis: AbstractBasis
     system: System

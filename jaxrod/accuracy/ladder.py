@@ -92,6 +92,11 @@ def projected(system: System) -> System:
     return dataclasses.replace(system, basis=Projected(system.basis, system.body))
 
 
+def unprojected(system: Any) -> Any:
+    """The scene that was `projected`."""
+    return dataclasses.replace(system, basis=system.basis.basis) if isinstance(system.basis, Projected) else system
+
+
 def _projected(system: System, basis: AbstractBasis, amplitudes: Any) -> list:
     rod, pivot, free = continuum.support(system)
     panels = rod.panels(_ORDER, () if pivot is None else (pivot,))

@@ -108,8 +108,10 @@ def by_first_modes(
     kept: int, system: Any, start: State, *, ts: Row, t0: Number = 0.0, static: bool = False, modes: int = 64,
     tolerance: Number = 1e-12, error: bool = True, adjoint: diffrax.AbstractAdjoint | None = None,
 ) -> ContinuumSolution:  # fmt: skip
-    """`simulate` in arrays of `modes`, of which without `error` those after the first `kept` carry nothing: runs of several
-    `kept` are one program."""
+    """`simulate` with the first `kept` modes in arrays of `modes`, so that one program serves runs of fewer and of more.
+
+    With `error` it is `simulate`.
+    """
     rod, pivot, _ = support(system)
     _check(system, start, modes, static, error, adjoint)
     modes, dtype = int(modes), precision.float_type(system, start)

@@ -5,6 +5,7 @@ Under a transformation of JAX a number is *traced*: it has a shape and a type, a
 """
 
 import builtins
+import dis
 import functools
 import types
 from collections.abc import Callable
@@ -93,18 +94,24 @@ def at_once(function: Callable[..., Any]) -> Callable[..., Any]:
 def program(function: Callable[..., Any]) -> Callable[..., Any]:
     """The function as one compiled program, which takes a keyword more: `seldom`, for a program that is to run a few times.
 
-    That is compiled in half the time, to run at a third of the speed; under a transformation it is a part of another program,
-    and compiled as that is.
+    That is compiled in about half the time, to run up to three times as long; under a transformation it is a part of another
+    program, and compiled as that is.
     """
     unoptimised: dict[str, Any] = {"compiler_options": {"xla_backend_optimization_level": 0}}
     often, sooner = eqx.filter_jit(function), eqx.filter_jit(function, **unoptimised)
 
     @functools.wraps(function)
     def call(*args, seldom: bool = False, **named):
-        if (
-            seldom and not isinstance(jnp.zeros(()), Tracer) and not traced((args, named))
-        ):  # the first: while jit traces
-            return sooner(*args, **named)
+        # While jit traces, operations of known numbers are traced too.
+        within = isinstance(jnp.zeros(()), Tracer) or any(isinstance(x, Tracer) for x in jax.tree.leaves((args, named)))
+        if seldom and not within:
+            try:
+                return sooner(*args, **named)
+            except (
+                ValueError
+            ) as error:  # it reads a traced number that is no argument, and is a part of another program
+                if "compiler_options" not in str(error):
+                    raise
         return often(*args, **named)
 
     return call
@@ -131,7 +138,7 @@ def _no_derivative_jvp(primals, tangents):
 def carried(function: Callable[..., Any]) -> Any:
     """A function as a pytree, so that it passes through jit and vmap: a module keeps its numbers as leaves.
 
-    Of functions of one code that hold the same values the first stands for all: JAX compiles for it alone.
+    Of functions of one code that hold the same numbers one stands for all: JAX compiles for it alone.
     """
     if not isinstance(function, eqx.Module | jax.tree_util.Partial):
         return jax.tree_util.Partial(_first_alike(function))
@@ -146,74 +153,63 @@ def carried(function: Callable[..., Any]) -> Any:
 
 
 _ALIKE: dict[Any, Any] = {}  # functions by what they are told from others by
-_MOST_ALIKE, _MOST_NUMBERS = 1000, 10_000
+_MOST_ALIKE = 1000
+_FIXED = {"math", "cmath", "numpy", "jax"}  # modules that do not change, nor what is in them
+_PLAIN = {
+    "abs",
+    "bool",
+    "complex",
+    "divmod",
+    "float",
+    "int",
+    "len",
+    "max",
+    "min",
+    "pow",
+    "range",
+    "round",
+    "sum",
+    "tuple",
+    "zip",
+}
+_READS = {"LOAD_GLOBAL", "LOAD_NAME"}
+_NOT_PLAIN = ("STORE_DEREF", "DELETE_DEREF", "STORE_GLOBAL", "DELETE_GLOBAL", "IMPORT_NAME", "MAKE_FUNCTION")
 
 
 def _first_alike(function: Any) -> Any:
-    try:
-        told_by = _contents(function)
-        first = _ALIKE.get(told_by)
-        if (
-            first is not None and _contents(first) == told_by
-        ):  # else a variable that it reads was given another value since
-            return first
-    except (_Unknown, TypeError):  # or one that cannot be hashed
+    """One function for all of a code with the same numbers, as they are now; the function itself where it reads or writes
+    anything but numbers, text and modules that do not change."""
+    if not isinstance(function, types.FunctionType) or vars(function) or function.__kwdefaults__:
         return function
+    code, held = function.__code__, [content(cell) for cell in function.__closure__ or ()]
+    steps = list(dis.get_instructions(code))
+    read = {step.argval: _read(function, step.argval) for step in steps if step.opname in _READS}
+    numbers = (*held, *(function.__defaults__ or ()))
+    constant = all(map(_is_number, numbers)) and all(x is not None for x in read.values())
+    if not constant or any(step.opname in _NOT_PLAIN for step in steps):
+        return function
+    told_by = code, tuple((type(x), repr(x)) for x in numbers), tuple((name, id(x)) for name, x in read.items())
     if len(_ALIKE) >= _MOST_ALIKE:
         _ALIKE.clear()
-    _ALIKE[told_by] = function
-    return function
+    if told_by not in _ALIKE:  # variables of its own: what it was told by and what it does stay together
+        cells = tuple(types.CellType(x) for x in held)
+        alone = types.FunctionType(code, read, function.__name__, function.__defaults__, cells)
+        alone.__module__, alone.__qualname__ = function.__module__, function.__qualname__
+        _ALIKE[told_by] = alone
+    return _ALIKE[told_by]
 
 
-class _Unknown(Exception):
-    """A value that may change, or that cannot be compared."""
+def _read(function: types.FunctionType, name: str) -> Any:
+    """What a global name stands for, if that does not change; else None."""
+    if name not in function.__globals__:
+        return getattr(builtins, name) if name in _PLAIN else None
+    value = function.__globals__[name]
+    fixed = isinstance(value, types.ModuleType) and value.__name__.partition(".")[0] in _FIXED
+    return value if fixed else None
 
 
-def _contents(value: Any, depth: int = 8) -> Any:
-    """What a value, or a function with all that it reads, is told from others by.
-
-    **Raises:** `_Unknown` where it may change later, as a list or a NumPy array may.
-    """
-    if depth == 0 or isinstance(value, Tracer):
-        raise _Unknown
-    if value is None or type(value) in (bool, int, float, complex, str, bytes) or isinstance(value, np.generic):
-        return type(value), repr(value)
-    if isinstance(value, tuple):
-        return tuple(_contents(x, depth - 1) for x in value)
-    if isinstance(value, jax.Array) and value.size <= _MOST_NUMBERS:
-        return str(value.dtype), getattr(value, "weak_type", False), value.shape, np.asarray(value).tobytes()
-    if isinstance(value, eqx.Module):
-        leaves, structure = jax.tree.flatten(value)
-        return structure, _contents(tuple(leaves), depth - 1)
-    if isinstance(value, types.FunctionType):
-        known = (vars(builtins), value.__globals__)
-        read = tuple((name, where[name]) for name in _names(value.__code__) for where in known if name in where)
-        held = tuple(content(cell) for cell in value.__closure__ or ())
-        named = tuple((value.__kwdefaults__ or {}).items())
-        return value.__code__, _contents((held, value.__defaults__, named, read), depth - 1)
-    name = value.__name__ if isinstance(value, types.ModuleType) else getattr(value, "__module__", None) or ""
-    if name.partition(".")[0] in _FIXED and (callable(value) or isinstance(value, types.ModuleType)):
-        return value
-    raise _Unknown
-
-
-_FIXED = {
-    "builtins",
-    "math",
-    "cmath",
-    "operator",
-    "numpy",
-    "jax",
-    "jaxlib",
-    "equinox",
-    "jaxrod",
-}  # modules that do not change
-
-
-def _names(code: types.CodeType) -> list[str]:
-    """The names that a function reads and does not hold, those of functions within it included."""
-    inner = [name for constant in code.co_consts if isinstance(constant, types.CodeType) for name in _names(constant)]
-    return sorted({*code.co_names, *inner})
+def _is_number(value: Any) -> bool:
+    return type(value) in (bool, int, float, complex, str) or isinstance(value, np.number)
 
 
 class _Carried(eqx.Module):

@@ -24,7 +24,7 @@ _RANGES = {"angle": "rad", "strain": "", "energy": "J"}  # that are printed, wit
 _SLOW_TURNING = 5  # bending frequency over turns a second above which a rod stays straight enough
 _SMALL_ERROR = 0.01
 _LARGE_STRAIN = 0.1
-_MANY = 1e5  # states, for which a program is worth optimising
+_MANY = 1e4  # states, for which a program is worth optimising
 
 
 class Solution(eqx.Module):

@@ -194,3 +194,20 @@ def test_as_many_steps_as_planned(rigid_plan):
             planned = dataclasses.replace(rigid_plan, dtype="float32", step=t1 / steps)
             taken = planned.steps(*planned.applied(system, start), 0.0, jnp.asarray(t1, jnp.float32))["n_steps"]
             assert int(taken) == steps
+
+
+@pytest.mark.slow
+def test_a_quantity_of_ones_own_may_look_at_another_rod(cone):
+    """Which has another projection."""
+    system = jaxrod.System(cone, jaxrod.Rotation(), gravity=9.81)
+    seen = []
+
+    def stiffer(sol):
+        rod = dataclasses.replace(sol.system.rod, young=4 * sol.system.rod.young)
+        both = [jaxrod.natural_frequencies(x)[:1] for x in (dataclasses.replace(sol.system, rod=rod), sol.system)]
+        ratio = jnp.sum(both[0]) / jnp.sum(both[1]) if sol.system.basis.n else jnp.asarray(2.0)
+        seen.append(ratio)
+        return ratio + 0 * sol.angle[-1]
+
+    jaxrod.plan(system, system.state(rate=8.0), t1=0.1, tolerance=1e-3, quantity=stiffer)
+    np.testing.assert_allclose([float(x) for x in seen if not isinstance(x, jax.core.Tracer)], 2.0)

@@ -1,7 +1,9 @@
 """Programs for few runs are compiled sooner, and one for all functions that are alike."""
 
-import io
+import collections
+import sys
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -42,13 +44,21 @@ def test_where_operations_of_known_numbers_are_traced(compiled):
     np.testing.assert_allclose(jax.jit(lambda: run(2.0, x))(), _wave(2.0, x), rtol=1e-15)
 
 
-@pytest.mark.parametrize("way", [jax.jit, jax.vmap, jax.grad, jax.jacfwd, lambda f: jax.jit(jax.vmap(f))], ids=str)
-def test_under_transformations(way):
-    def answer(run):
-        given = jnp.asarray(0.7) if way in (jax.grad, jax.jacfwd) else jnp.array([0.7])
-        return way(lambda x: run(2.0, x))(given)
+WAYS = {
+    "jit": jax.jit,
+    "vmap": jax.vmap,
+    "grad": jax.grad,
+    "jacfwd": jax.jacfwd,
+    "both": lambda f: jax.jit(jax.vmap(f)),
+}
 
-    np.testing.assert_allclose(answer(tracing.run_seldom(_wave)), answer(_wave), rtol=1e-14)
+
+@pytest.mark.parametrize("way", WAYS)
+def test_under_transformations(way):
+    given = jnp.asarray(0.7) if way in ("grad", "jacfwd") else jnp.array([0.7])
+    run = tracing.run_seldom(_wave)
+    found, expected = (WAYS[way](lambda x, f=f: f(2.0, x))(given) for f in (run, _wave))
+    np.testing.assert_allclose(found, expected, rtol=1e-14)
 
 
 def test_a_traced_number_in_a_closure():
@@ -73,48 +83,117 @@ def test_a_lambda_like_one_before_compiles_nothing(compiled, scene):
     assert _frequency(_tapered(0.6), scene) != first
 
 
-def test_what_a_lambda_holds_tells_it_from_others():
-    """Two of one code, whatever they read: a global, a default, an array, a function within."""
-    within = lambda k: lambda s: k * s  # noqa: E731
+def _compiled(functions):
+    """What a program makes of each, one after the other."""
+    run = eqx.filter_jit(lambda function, x: function(x))
+    return [float(run(tracing.carried(function), 1.0)) for function in functions]
 
+
+def test_numbers_tell_functions_apart():
     def made(k):
-        inner = within(k)
-        array, module = jnp.array([k, 1.0]), jaxrod.Cone(k, 1.0)
-        return [
-            lambda s: k * s,
-            lambda s, k=k: k * s,
-            lambda s: inner(s),
-            lambda s: array @ s,
-            lambda s: module.area(s, 1.0),
-        ]
+        return [lambda s: k * s, lambda s, k=k: k * s, lambda s: jnp.exp(k) * max(s, 1.0)]
 
     for one, same, other in zip(made(1.0), made(1.0), made(2.0), strict=True):
         told = [tracing.carried(f).func for f in (one, same, other)]
-        assert told[0] is told[1] is one and told[2] is other
+        assert told[0] is told[1] is not told[2]
+    for one, other in ((0.0, -0.0), (1, 1.0), (True, 1), (np.float32(1), np.float64(1))):
+        assert tracing.carried(made(one)[0]).func is not tracing.carried(made(other)[0]).func
 
 
 _SLOPE = 1.0
+Pair = collections.namedtuple("Pair", "a b")
+Riap = collections.namedtuple("Riap", "b a")
 
 
-def test_a_variable_that_changes(monkeypatch):
-    """A function that was seen before no longer stands for what it then was."""
+def test_variables_that_change(monkeypatch):
+    """A function never stands for what another reads now, nor for what it read itself before it was compiled."""
 
     def made():
         return lambda s: _SLOPE * s
 
-    first = tracing.carried(made())
-    assert tracing.carried(made()).func is first.func
-    monkeypatch.setattr(__import__(__name__), "_SLOPE", 2.0)
-    assert tracing.carried(made())(1.0) == 2.0
-    found = []
-    for k in (1.0, 2.0, 3.0):  # these three share the variable, which is 3 in the end
-        found.append(tracing.carried(lambda s: k * s)(1.0))  # noqa: B023
-    for k in (1.0, 2.0):
-        found.append(tracing.carried(lambda s: k * s)(1.0))  # noqa: B023
-    assert found == [1.0, 2.0, 3.0, 1.0, 2.0]
+    slopes = []
+    for slope in (1.0, 2.0, 1.0):
+        monkeypatch.setattr(sys.modules[__name__], "_SLOPE", slope)
+        slopes += _compiled([made()])
+    assert slopes == [1.0, 2.0, 1.0]
+    waiting = [tracing.carried(lambda s: k * s) for k in (1.0, 2.0)]  # noqa: B023, each with its own number
+    assert _compiled(waiting) == [1.0, 2.0]
+    assert _compiled(lambda s: k * s for k in (1.0, 2.0)) == [1.0, 2.0]  # noqa: B023
+
+
+def _helper(s):
+    return s
 
 
 def test_what_may_change_is_itself_alone():
-    for held in ([1.0], np.ones(2), {"k": 1.0}, io.StringIO()):
-        one, other = ((lambda s, held=held: (held, s)) for _ in range(2))
-        assert tracing.carried(one).func is one and tracing.carried(other).func is other
+    """Lists, arrays, other functions, what is imported within, what it writes, attributes of its own."""
+
+    def counting():
+        count = 0
+
+        def counted(s):
+            nonlocal count
+            count += 1
+            return s
+
+        return counted
+
+    def importing(s):
+        import math
+
+        return math.pi * s
+
+    def marked(s):
+        return s
+
+    vars(marked)["k"] = 1.0
+    held = [[1.0], np.ones(2), jnp.ones(2), {"k": 1.0}, Pair(1.0, 2.0), Riap(1.0, 2.0), _helper, lambda s: s, None]
+    holding = [lambda s, x=x: (x, s) for x in held]
+    others = [
+        lambda s: _helper(s),
+        lambda s: globals()["_SLOPE"] * s,
+        eval("lambda s: not_there_yet(s)"),
+        lambda s: (lambda x: x)(s),
+    ]
+    for function in (*holding, *others, counting(), importing, marked, jax.jit(_helper), len):
+        assert tracing.carried(function).func is function
+
+
+def test_it_keeps_its_name_and_its_derivative():
+    k = 2.0
+
+    def load(s):
+        return k * jnp.sin(s)
+
+    found = tracing.carried(load).func
+    assert found is not load and (found.__name__, found.__module__) == ("load", __name__)
+    assert jax.grad(found)(0.0) == 2.0
+
+
+@pytest.mark.parametrize("depth", [0, 3, 6])
+def test_a_traced_number_deep_in_closures(depth, scene):
+    def section(k):
+        area = lambda s: 1e-3 * (1 + k * s)  # noqa: E731
+        for _ in range(depth):
+            area = (lambda inner: lambda s: inner(s))(area)
+        return area
+
+    def frequency(k):
+        return jaxrod.natural_frequencies(scene(section=section(k)))[0]
+
+    quotient = (frequency(0.501) - frequency(0.499)) / 0.002
+    np.testing.assert_allclose(jax.grad(frequency)(0.5), quotient, rtol=1e-5)
+
+
+_GLOBAL = []
+
+
+def test_a_traced_number_in_a_global():
+    run = tracing.run_seldom(lambda x: _GLOBAL[-1] * x**2)
+
+    def value(k):
+        _GLOBAL.append(k)
+        return run(jnp.asarray(3.0))
+
+    assert jax.grad(value)(1.0) == 9.0
+    _GLOBAL.clear()
