@@ -183,36 +183,37 @@ def budget_of(
 
 def _parts(quantity, system: System, value, runs: FinerRuns) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
     """Errors of the model, of the steps and of rounding; and whether the run goes beyond its horizon."""
-    solution, more_shapes = runs.solution, runs.richer or ()  # saved when the others are
+    solution = runs.solution  # saved when the others are
+    each = [solution, runs.finer, runs.aside, *(runs.richer or ())]
+    lost = parted(solution, runs.finer) | parted(solution, runs.aside)
     # What a quantity of one's own takes is not known, so each of its answers is a program of its own.
-    answers = [quantity(run) for run in (solution, runs.finer, runs.aside, *more_shapes)]
-    few, many = _more_shapes(system)
-    return _compared(value, answers, runs, np.array([system.basis.n, few, many], value.dtype))
+    answers, ends = [quantity(run) for run in each], [(run.result, run.ts) for run in each]
+    sizes = np.array([system.basis.n, *_more_shapes(system)], value.dtype)
+    return _compared(value, answers, ends, solution.stats["num_steps"], sizes), lost
 
 
 @tracing.run_seldom
-def _compared(value, answers, runs: FinerRuns, shapes) -> tuple[tuple[Array, Array, Array], Bool[Array, ""]]:
-    """`_parts` by the answers of all `runs`."""
-    solution = runs.solution
-
-    def ended(run, answer):  # of a run that stopped: nothing
-        return jnp.where(_ended(run, solution), answer, jnp.nan)
-
-    own, of_finer, of_aside, *of_richer = answers
-    fine, value = ended(runs.finer, of_finer), jnp.where(_ended(solution, runs.finer), value, jnp.nan)
-    lost = parted(solution, runs.finer) | parted(solution, runs.aside)
-    moved = jnp.abs(ended(runs.aside, of_aside) - own) / NUDGE[solution.ts.dtype.name]
-    steps = jnp.sqrt(1.0 + solution.stats["num_steps"])
-    rounding = jnp.finfo(value.dtype).eps * steps * (moved + jnp.abs(value))
+def _compared(value, answers, ends, steps, sizes) -> tuple[Array, Array, Array]:
+    """Errors of the model, of the steps and of rounding, by answers of the run, a finer one, one from beside and, where there are
+    some, of two with more shapes; how and where these `ends`, and their `sizes`.  One program for all scenes."""
+    own, fine, aside, *richer = answers
+    (own_result, ts), *others = ends
+    fine, aside, *richer = (
+        jnp.where(_ended(result, there, ts), x, jnp.nan)
+        for x, (result, there) in zip((fine, aside, *richer), others, strict=True)
+    )
+    value = jnp.where(_ended(own_result, ts, others[0][1]), value, jnp.nan)
+    moved = jnp.abs(aside - own) / NUDGE[ts.dtype.name]
+    rounding = jnp.finfo(value.dtype).eps * jnp.sqrt(1.0 + steps) * (moved + jnp.abs(value))
     model = jnp.zeros_like(value)
-    if runs.richer is not None:
-        less, more = map(ended, runs.richer, of_richer)
-        least, few, many = shapes
+    if richer:
+        less, more = richer
+        least, few, many = sizes
         # By both pairs, as either may agree by chance.
         of_two, of_all = _beyond(few, less, many, more), _beyond(least, fine, many, more)
         model = jnp.abs(fine - more) + jnp.maximum(of_two, of_all)
     model, step, rounding = (jnp.where(jnp.isfinite(x), x, jnp.inf) for x in (model, jnp.abs(value - fine), rounding))
-    return (model, step, rounding), lost
+    return model, step, rounding
 
 
 _limits = tracing.run_seldom(model_limits)  # one program: its eager steps take longer than a short run
@@ -239,9 +240,9 @@ def _parted(ts, direction, other_ts, other_direction) -> Bool[Array, ""]:
     return jnp.any((square > _APART**2) & (ts == other_ts))
 
 
-def _ended(run: Solution, other: Solution) -> Bool[Array, ""]:
-    """Whether a run came to its end: where its steps were too long it may have, when `other` did."""
-    return run.ok | ((run.result == Result.coarse) & (run.ts[-1] == other.ts[-1]))
+def _ended(result, ts, other_ts) -> Bool[Array, ""]:
+    """Whether a run came to its end: where its steps were too long it may have, when the other did."""
+    return (result == Result.ok) | ((result == Result.coarse) & (ts[-1] == other_ts[-1]))
 
 
 def _beyond(few: Array, less: Array, many: Array, more: Array) -> Array:
