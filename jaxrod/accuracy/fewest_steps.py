@@ -39,9 +39,9 @@ class Question:
     t0: float
     ts: Float[Array, " T"]
 
-    def run(self, system: System, start: State, **how: Any) -> Solution:
+    def run(self, system: System, start: State, seldom: bool = True, **how: Any) -> Solution:
         ts = self.ts.astype(start.direction.dtype)
-        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, **{"seldom": True, **how})
+        return solve(system, start, t0=self.t0, ts=ts, max_steps=_MOST_STEPS, seldom=seldom, **how)
 
     def answer(self, solution: Solution) -> np.ndarray:
         """The quantity, NaN if the run does not reach its end."""

@@ -117,8 +117,8 @@ class Solution(eqx.Module):
             raise ValueError(
                 "a ledger needs a System and its states; of a Lagrangian ask for energy, and leave out fn=."
             )
-        few, stats = self.ts.size < _MANY, _numbers(self.stats)
-        return _account(self.ts.ndim - 1, self.system, self.start, self.states, stats, seldom=few)
+        stats = _numbers(self.stats)
+        return _account(self.ts.ndim - 1, self.system, self.start, self.states, stats, seldom=self._few)
 
     def shape(self, s: Float[Array, " points"]) -> Float[Array, "*scenes T points D"]:
         """Positions in m of the material points s (m)."""
@@ -142,8 +142,11 @@ class Solution(eqx.Module):
         return validation.along("s", s, self.system.rod.length)
 
     def _each(self, quantity: Callable, states: Any) -> Array:
-        few = self.ts.size < _MANY
-        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states, seldom=few)
+        return _each(quantity, self.ts.ndim - 1, self.system, self.ts, states, seldom=self._few)
+
+    @property
+    def _few(self) -> bool:
+        return self.ts.size < _MANY
 
     def complaint(self) -> str:
         """One sentence on how a run ended that did not reach its end."""

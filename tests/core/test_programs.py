@@ -38,7 +38,7 @@ def test_one_program_for_many_runs_and_one_for_few(compiled):
     np.testing.assert_allclose(few, optimised, rtol=1e-15)
 
 
-def test_where_operations_of_known_numbers_are_traced(compiled):
+def test_where_operations_of_known_numbers_are_traced():
     x = np.arange(3.0)  # no tracer, though jit traces what is done with it
     run = tracing.run_seldom(_wave)
     np.testing.assert_allclose(jax.jit(lambda: run(2.0, x))(), _wave(2.0, x), rtol=1e-15)

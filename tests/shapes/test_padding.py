@@ -11,7 +11,7 @@ import jaxrod
 from jaxrod.accuracy.ladder import brought, first_shapes, padded, projected
 
 
-@pytest.mark.parametrize("basis", [jaxrod.LoadRitz(2), jaxrod.ForceRitz(3)], ids=repr)
+@pytest.mark.parametrize("basis", [jaxrod.LoadRitz(2), jaxrod.LoadRitz(4), jaxrod.ForceRitz(3)], ids=repr)
 @pytest.mark.parametrize("pivot", [None, pytest.param(0.4, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("static", [False, True])
 def test_the_same_motion(scene, basis, pivot, static):
